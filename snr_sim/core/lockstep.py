@@ -96,8 +96,8 @@ class LockStep:
             elif only.inbox.waiting:  # all work of an idle node arrives in its inbox
                 alone.now_s = next_s
                 only.run_ready()
-                if alone.executed >= alone.max_executed:
-                    task_limit.check()
+                while alone.executed >= alone.max_executed and task_limit.check():
+                    only.run_ready()
         return ""
 
     def _settle(self) -> None:
@@ -112,7 +112,7 @@ class LockStep:
                     node.machine.now_s = self._clock.now_s()
                     node.run_ready()
                     busy = True
-            self._task_limit.check()
+            busy = self._task_limit.check() or busy
 
     def _wait_for(self, time_s: float) -> bool:
         """Wait until the wall clock reaches this time; return False if a node gets work before."""

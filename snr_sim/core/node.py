@@ -33,7 +33,7 @@ from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
-from snr_sim.prelude.errors import ConfigError, TaskError
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
 from snr_sim.prelude.rng import component_seed, rng_for
@@ -140,6 +140,10 @@ class Node(NodeMembers):
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Finish what is queued, then halt and terminates each component: see `NodeLife.end`."""
         self.life.end(reason, error)
+
+    def blame_suspects(self, failure: ComponentFailedError) -> bool:
+        """Undo new code that may have caused a failure: see `Probations.blame_suspects`."""
+        return self.life.blame_suspects(failure)
 
     @property
     def is_finished(self) -> bool:

@@ -28,6 +28,7 @@ class NodeLife:
         is_finished: whether the end of the run has begun: components are being halted, or have been.
         is_halting: whether it is too late for components to schedule tasks.
         handle_failure: handles the failure of a loop without ending the run if it can, and returns whether it did.
+        blame_suspects: the same if others have caused a failure, so that what failed continues.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class NodeLife:
         self.registry: ComponentRegistry = registry
         self.report: NodeReport = report
         self.handle_failure: Callable[[Loop, ComponentFailedError], bool] = lambda loop, failure: False
+        self.blame_suspects: Callable[[ComponentFailedError], bool] = lambda failure: False
         self._recorder = recorder
         self._begun: list[Component] = []
 
@@ -231,7 +233,9 @@ class NodeLife:
             else:
                 function()
         except (Exception, SystemExit) as error:
-            raise self.report.failure_of(loop, error, step) from error
+            failure = self.report.failure_of(loop, error, step)
+            if not (failure.suspects and self.blame_suspects(failure)):
+                raise failure from error
         finally:
             if is_ours:
                 self.node.machine.running = None

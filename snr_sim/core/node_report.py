@@ -6,7 +6,7 @@ from snr_sim.core.machine import EventMachine, HandlerError
 from snr_sim.core.source_location import describe_error, location_of, without_addresses
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.errors import CommandError, ComponentFailedError
 from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.recorder import NodeRecorder
 from snr_sim.prelude.task import Task
@@ -31,7 +31,10 @@ class NodeReport:
         if isinstance(error, ComponentFailedError):
             return error
         where = f"in {step}() of component '{component.name}' at t = {self._clock.now_s():.3f} s"
-        return ComponentFailedError(describe_error(error, where), self._name, component.name, step)
+        message = describe_error(error, where)
+        if isinstance(error, CommandError):
+            return ComponentFailedError(message, self._name, component.name, step, error.suspects, error.stored_at_s)
+        return ComponentFailedError(message, self._name, component.name, step)
 
     def failure_of_handling(self, failed: HandlerError, error: BaseException) -> ComponentFailedError:
         """Return an error that the machine has raised as a failure with a message."""

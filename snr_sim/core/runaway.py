@@ -1,8 +1,9 @@
 """Limit on tasks per instant of virtual time: tasks that schedule each other endlessly would stop the clock.
 
 Above `Config.max_tasks_per_moment`, some more tasks are executed one by one to name those that repeat, and the run
-ends; so do as many ticks of one loop at one moment (`next_tick_at_s` in the past). `run_ready` counts to the limit
-anyway, so it costs nothing; a replay needs none, as it executes what the trace contains.
+ends, unless new code on probation is among them, which is rolled back. So do as many ticks of one loop at one moment
+(`next_tick_at_s` in the past). `run_ready` counts to the limit anyway, so it costs nothing; a replay needs none, as it
+executes what the trace contains.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from snr_sim.prelude.task import Task
 
 WATCHED_TASKS = 60  # executed one by one above the limit, to find which schedules which
 SHOWN_TASKS = 12
+# After a rollback the old code handles what the new code has queued, so there may be this many times as many tasks.
+MAX_LEFTOVER = 10
 
 
 class ExecutedTask(NamedTuple):
@@ -28,6 +31,7 @@ class ExecutedTask(NamedTuple):
     node: str
     task: str
     handlers: tuple[tuple[str, SourceLocation | None], ...]
+    components: tuple[str, ...]
 
     def __str__(self) -> str:
         called = [label if location is None else f"{label} ({location})" for label, location in self.handlers]
@@ -49,12 +53,22 @@ class TaskLimit:
         for machine, at_most in self._machines:
             machine.max_executed = machine.executed + at_most
 
-    def check(self) -> None:
-        """Raise a ComponentFailedError that names the tasks if a node has reached its limit and still has tasks."""
-        for machine, _ in self._machines:
+    def check(self) -> bool:
+        """Return whether a node that had reached its limit may continue, as the code that caused it is rolled back.
+
+        Raises:
+            ComponentFailedError: a node has reached its limit and still has tasks. It names the tasks.
+        """
+        may_continue = False
+        for machine, at_most in self._machines:
             if machine.executed >= machine.max_executed and machine.queued and not machine.is_ended:
                 node = next(node for node in self._nodes if node.machine is machine)
-                raise _failure(node, cycle_of(watch(self._nodes, self._clock)))
+                failure = _failure(node, cycle_of(watch(self._nodes, self._clock)))
+                if not node.blame_suspects(failure):
+                    raise failure
+                machine.max_executed = machine.executed + MAX_LEFTOVER * (at_most + machine.queued)
+                may_continue = True
+        return may_continue
 
 
 def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[ExecutedTask]:
@@ -77,7 +91,8 @@ def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[ExecutedTask]:
             task = task_ref if type(task_ref) is Task else task_ref[0]
             entries = machine.lookup.find(task)
             called = tuple((".".join(label), location_of(handler)) for _, handler, _, label in entries)
-            steps.append(ExecutedTask(node.name, describe(task.id()), called))
+            names = tuple(component.name for component, *_ in entries)
+            steps.append(ExecutedTask(node.name, describe(task.id()), called, names))
             try:
                 machine.execute_next()
             except HandlerError:
@@ -112,4 +127,6 @@ def _failure(node: NodeParts, cycle: Sequence[ExecutedTask]) -> ComponentFailedE
         "key, or only when something has changed. Config(max_tasks_per_moment=...) raises the bound."
     )
     first = [str(locations[0])] if locations else []
-    return ComponentFailedError("\n  ".join([*first, what, *(f"  {line}" for line in lines), f"Try: {fix}"]), node.name)
+    message = "\n  ".join([*first, what, *(f"  {line}" for line in lines), f"Try: {fix}"])
+    suspects = dict.fromkeys(name for step in cycle for name in step.components if step.node == node.name)
+    return ComponentFailedError(message, node.name, suspects=tuple(suspects))

@@ -9,7 +9,8 @@ import msgspec
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.page_age import page_age_s
-from snr_sim.core.page_writers import find_writer
+from snr_sim.core.page_writers import find_writer, writers_of
+from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import CommandError, suggest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.structs import ensure_type_info
@@ -63,7 +64,12 @@ class CommandInput:
         if page.origin != self._loop.parent.name:
             return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
         lines, who = self._find_writer()
-        return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
+        found = CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
+        others = self._others()
+        writers = {writer.component for writer in writers_of(self._key, others)}
+        found.suspects = tuple(one.name for one in others if one.name in writers or not writers)
+        found.stored_at_s = page.created_at_s
+        return found
 
     def note_clamped(self, command: Any, applied: Any, limits: dict[str, tuple[float, float]]) -> None:
         """Add a note for each field that was clamped, once."""
@@ -80,8 +86,10 @@ class CommandInput:
                 )
 
     def _find_writer(self) -> tuple[str, str]:
-        others = [component for component in self._loop.parent.components.values() if component is not self._loop]
-        return find_writer(self._key, others)
+        return find_writer(self._key, self._others())
+
+    def _others(self) -> list[Component]:
+        return [component for component in self._loop.parent.components.values() if component is not self._loop]
 
 
 def command_of(data: Any, command_type: type[Any], limits: Limits) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from snr_sim.prelude.renamed import old_names
@@ -45,14 +45,25 @@ class ComponentFailedError(SnrError):
     """A student's handler or loop raised, or returned an object that is not a task.
 
     The message has the student's line first; `step` is 'begin', 'setup', 'loop', 'halt' or 'terminate', or empty if a
-    handler failed.
+    handler failed. `suspects` names components of the node that may have caused it by what they stored until
+    `stored_at_s` (node time).
     """
 
-    def __init__(self, message: str, node: str = "", component: str = "", step: str = "") -> None:
+    def __init__(
+        self,
+        message: str,
+        node: str = "",
+        component: str = "",
+        step: str = "",
+        suspects: Sequence[str] = (),
+        stored_at_s: float = float("inf"),
+    ) -> None:
         super().__init__(message)
         self.node: str = node
         self.component: str = component
         self.step: str = step
+        self.suspects: tuple[str, ...] = tuple(suspects)
+        self.stored_at_s: float = stored_at_s
 
 
 class ClockError(SnrError):
@@ -76,7 +87,13 @@ class SensorLostError(DeviceError):
 
 
 class CommandError(DeviceError):
-    """An invalid command: NaN, infinite, wrong type, unknown field."""
+    """An invalid command: NaN, infinite, wrong type, unknown field.
+
+    `suspects` names the components of the node that may have stored it, which was at node time `stored_at_s`.
+    """
+
+    suspects: tuple[str, ...] = ()
+    stored_at_s: float = float("inf")
 
 
 class PlantError(SnrError):

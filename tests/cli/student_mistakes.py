@@ -207,6 +207,14 @@ MISTAKES = [
             in_flight('radar["altitude_m"]', 'radar["altitude_n"]'), words=WATCHED, is_before=False),
     Mistake(69, "a live edit with a syntax error", ("line 20: ", "gentle.py", "never closed", "SyntaxError", "count the brackets"),
             in_flight('radar["altitude_m"]', '(radar["altitude_m"]'), words=WATCHED, is_before=False),
+    *[Mistake(70 + i, f"a live edit that stores {what}", ("line \\d+: ", "'engine'|gentle.on_radar", must, found, fix), in_flight(*edit), words=WATCHED, is_before=False)
+      for i, (what, must, found, fix, *edit) in enumerate([
+          ("an unknown field", "did you mean", "'throtle'", "throttle", '"throttle"', '"throtle"'),
+          ("NaN", "must be finite", "nan", "send a number from", 'min(max(throttle, 0.0), 1.0)', 'float("nan")'),
+          ("a text", "must be a dict|must be a number", "'half'", "store a dict", 'min(max(throttle, 0.0), 1.0)', '"half"'),
+      ])],
+    Mistake(73, "a live edit that stores its own trigger without end", ("", "", "", "", ""), is_before=False,
+            elsewhere="tests/core/test_rollback.py::test_new_code_with_tasks_without_end_leaves_its_place_to_the_old_code"),
     # Others of the same kinds.
     Mistake(101, "a name that is not imported", ("line 16: ", "tasks", "from snr_sim import tasks", "Nothing gives tasks a value", "add at the top"),
             put(RADAR, RADAR + '        if radar["altitude_m"] < 3: return tasks.terminate("done")\n')),

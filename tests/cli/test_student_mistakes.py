@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from snr_sim.scenario.simulation_run import SimulationRun
-from tests.cli.student_mistakes import GENTLE, MISTAKES, Mistake
+from tests.cli.student_mistakes import COMMAND, GENTLE, MISTAKES, WATCHED, Mistake, in_flight
 
 Snr = Callable[..., Any]
 BEGINS = "=== the run begins\n"
@@ -81,6 +81,16 @@ def test_mistake_is_reported_with_line_and_fix(mistake: Mistake, snr: Snr, here:
     assert points >= 5, f"{points} of 6, without {missing}:\n{output}"
     before = points_of(mistake, output.partition(BEGINS)[0])[0] >= 5 if not mistake.then or mistake.is_before else False
     assert before or not mistake.is_before, f"reported only in the run:\n{output}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("new", ["return task", COMMAND.replace('"throttle"', '"throtle"')])
+def test_edit_that_would_end_the_run_is_rolled_back_and_replays(snr: Snr, here: Path, new: str) -> None:
+    (here / "gentle.py").write_text(in_flight(COMMAND, new)["gentle.py"](GENTLE))
+    answer = snr(*WATCHED)
+    assert (answer.status, "rolled back: gentle as before it" in answer.err) == (0, True)
+    replayed = snr("replay", next((here / "runs").iterdir()), "--check")
+    assert (replayed.status, "identical" in replayed.out) == (0, True)
 
 
 def test_three_of_five_mistakes_are_reported_before_the_run() -> None:

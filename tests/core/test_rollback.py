@@ -5,10 +5,12 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Task, TaskType, WatchLoopFactory, tasks
+from snr_sim import FakeActuator, Task, TaskType, WatchLoopFactory, tasks
 from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
 from snr_sim.core.reload.state_snapshot import Snapshot
+from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.signals import EngineCommand
 from snr_sim.testing.function_components import FunctionEndpointFactory
 from tests.core.test_reload import LOOP, Student, outcome, reload, run, run_on_the_wall_clock, student, thrust_task
 
@@ -207,6 +209,64 @@ def test_loop_on_a_thread_that_fails_in_its_first_ticks_leaves_its_place_too(stu
     assert node.exit_reason == "done"
     assert factory.count < 100
     assert "rolled back: counter as before it." in outcome(node)["message"]
+
+
+COMMANDS = """
+    from snr_sim import Endpoint, handles
+
+    class Pilot(Endpoint):
+        @handles(event="fly")
+        def on_fly(self, task):
+            return self.store_data_task("engine", {"throttle": 0.5})
+"""
+
+
+@pytest.mark.parametrize("value", ['{"throtle": 0.5}', '{"throttle": float("nan")}', '{"throttle": "half"}', "0.5"])
+def test_new_code_that_stores_an_invalid_command_leaves_its_place_to_the_old_code(student: Student, value: str) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    engine = FakeActuator(EngineCommand, {"throttle": (0.0, 1.0)})
+    loop = ActuatorLoopFactory("engine", lambda: engine, 10.0, timeout_s=10.0)
+    wrong = reload(student, COMMANDS.replace('{"throttle": 0.5}', value))
+    node, _ = run([factory, loop], [thrust_task, wrong, thrust_task, thrust_task], until_s=5.0)
+    written = [command.throttle for command in engine.written]
+    assert written == [0.5, 0.5]
+    message = outcome(node)["message"]
+    assert "in loop() of component 'engine_actuator'" in message
+    assert "rolled back: pilot as before it." in message
+    assert message.splitlines()[0].endswith(f'return self.store_data_task("engine", {value})')
+
+
+def test_late_page_of_rolled_back_code_is_not_a_failure(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    parts: list[Any] = []
+    answers: list[bool] = []
+
+    def blame() -> None:
+        failures = [ComponentFailedError("why", suspects=["pilot"], stored_at_s=at_s) for at_s in (2.0, 2.5)]
+        answers.extend(map(parts[0].parent.blame_suspects, failures))
+
+    other = FunctionEndpointFactory(name="other", begin=parts.append)
+    run([factory, other], [reload(student, FAILING), thrust_task, blame])
+    assert answers == [True, False]
+
+
+@pytest.mark.parametrize("tasks_again", ["task", "[task, task]"])
+def test_new_code_with_tasks_without_end_leaves_its_place_to_the_old_code(student: Student, tasks_again: str) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    endless = reload(student, COMMANDS.replace('self.store_data_task("engine", {"throttle": 0.5})', tasks_again))
+    node, _ = run([factory], [endless, thrust_task, lambda: None, thrust_task], max_tasks_per_moment=1000)
+    message = outcome(node)["message"]
+    assert "pilot.on_fly" in message
+    assert "tasks schedule each other without end" in message
+    assert "rolled back: pilot as before it." in message
+    assert node.get_data("engine") == {"throttle": 0.5}
+
+
+def test_tasks_without_end_of_old_code_end_the_run_after_a_reload_of_another(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    endless = FunctionEndpointFactory({(TaskType.event, "go"): lambda task, task_id: task}, "endless")
+    with pytest.raises(ComponentFailedError, match="tasks schedule each other without end"):
+        run([factory, endless], [reload(student, PILOT), lambda: tasks.event("go")], max_tasks_per_moment=1000)
 
 
 def test_snapshot_restores_in_place_what_attributes_hold() -> None:

@@ -2,6 +2,7 @@
 
     a handler, called through `Probations.wrap_handler` --> raises -----> rolled back, and the old one handles the task
     a loop that failed --> `Probations.handle_failure` --> task roll_back, an input --> rolled back
+    a loop that failed on a page that new code stored, or tasks without end --> `Probations.blame_suspects` --> the same
 
 The old components begin again with their old code, and their factories have their state from before the reload. All of
 this runs on the node's thread, between two calls, and depends only on tasks and their times: so a replay does the same.
@@ -64,7 +65,9 @@ class Probations:
         self._node = manager.node
         self._probations: list[Probation] = []
         self._reloads = 0
+        self._undone_s: dict[str, float] = {}  # by component: node time of its newest rollback
         manager.put_on_probation, manager.life.handle_failure = self.begin, self.handle_failure
+        manager.life.blame_suspects = self.blame_suspects
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
         """Put a reload's components on probation; arguments as of `Probation`. The reload adds to them later."""
@@ -110,6 +113,20 @@ class Probations:
         self._node.enqueue_input(tasks.roll_back(loop.name, probation.number, failure.message), loop.name)
         return True
 
+    def blame_suspects(self, failure: ComponentFailedError) -> bool:
+        """Start the rollback of a suspect on probation, on any thread; return whether there is or was one."""
+        if self._node.is_finished:
+            return False
+        now_s = self._node.clock.now_s()
+        for name in failure.suspects:
+            if failure.stored_at_s <= self._undone_s.get(name, float("-inf")):
+                return True  # the page was in the queue when the component was rolled back
+            probation = next((one for one in reversed(self._probations) if name in one.new), None)
+            if probation is not None and probation.is_on(name, now_s):
+                self._node.enqueue_input(tasks.roll_back(name, probation.number, failure.message), name)
+                return True
+        return False
+
     def roll_back(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Handle the task of a loop that failed: roll back its reload, if that is the newest of its name."""
         match task.val_list:
@@ -135,6 +152,7 @@ class Probations:
             probation.undo()
             old |= probation.old
             new = probation.new | new
+        self._undone_s[name] = self._node.machine.now_s
         del self._probations[first:]  # not before: until it is removed, a loop may fail on its thread
         there = self._manager.all()
         back = [one for one in there if new.get(one) is there[one]]  # the others have been removed since
