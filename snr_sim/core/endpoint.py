@@ -89,8 +89,8 @@ class Endpoint(NodeComponent):
         if self.parent.components.get(self.name) is self:  # else the node reads them when it is added
             self.parent.handlers_changed()
 
-    def begin(self) -> None:
-        """Begin; the node calls it once, before the first task."""
+    def begin(self) -> SomeTasks:
+        """Begin; the node calls it once, before the first task. It may return tasks, as a handler does."""
 
     def join(self) -> None:
         """End the endpoint's work by calling `halt`."""

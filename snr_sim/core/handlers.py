@@ -229,6 +229,12 @@ def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> S
     raise _not_a_task(returned, component, handler, "")
 
 
+def schedule_returned(returned: SomeTasks | Any, component: Any, step: Any) -> None:
+    """Schedule what a component's `begin`, `setup` or `loop` has returned; raise a TaskError if it is not tasks."""
+    if returned is not None:
+        component.schedule(as_tasks(returned, component, step))
+
+
 def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> TaskError:
     returned = f"'{component.name}.{handler_name(handler)}' returned"
     fix = "return None, a Task or a list of Tasks."

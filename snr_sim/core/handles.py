@@ -34,6 +34,7 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 Method = TypeVar("Method", bound=Callable[..., SomeTasks])
 
+_SIGNATURE = inspect.signature(lambda self, task, task_id: None)  # of the handlers that are made here
 _HANDLED = "__snr_handled__"  # attribute of a decorated function: list of _Handled
 _USAGE = '@handles("radar") is for a page, @handles(event="go") for an event.'
 
@@ -129,10 +130,10 @@ def decorated_handlers(kind: type) -> dict[TaskId, FunctionType]:
                     )
         decorated_again = {name for name, _ in own.values()}
         names = {task_id: kept for task_id, kept in names.items() if kept[0] not in decorated_again} | own
-    return {task_id: _handler(name, handled) for task_id, (name, handled) in names.items()}
+    return {task_id: _handler(getattr(kind, name), name, handled) for task_id, (name, handled) in names.items()}
 
 
-def _handler(name: str, handled: _Handled) -> FunctionType:
+def _handler(method: object, name: str, handled: _Handled) -> FunctionType:
     """Return a handler that calls the method of this name, as it is in the object's class."""
     page_class = handled.page_class
 
@@ -149,4 +150,5 @@ def _handler(name: str, handled: _Handled) -> FunctionType:
     chosen = call_with_task if handled.takes_task else call_with_data
     assert isinstance(chosen, FunctionType)
     chosen.__name__ = name  # the trace has the method's name
+    vars(chosen).update(__wrapped__=method, __signature__=_SIGNATURE)  # the line to report; how it is called
     return chosen

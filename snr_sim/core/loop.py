@@ -145,11 +145,11 @@ class Loop(LoopMembers, NodeComponent):
         self.setup_result: SetupResult | None = None  # of `setup` on a thread, if a caller waits
         self.is_removed: bool = False  # removed: its node continues, whatever its `halt` raises
 
-    def setup(self) -> None:
-        """Prepare; called once before the first `loop`, on the same thread."""
+    def setup(self) -> SomeTasks:
+        """Prepare; called once before the first `loop`, on the same thread. It may return tasks, as `loop`."""
 
-    def loop(self) -> None:
-        """Schedule tasks or store data; called at each tick."""
+    def loop(self) -> SomeTasks:
+        """Schedule tasks, return them, or store data; called at each tick."""
         raise NotImplementedError(f"{type(self).__name__} needs a method loop(self)")
 
     def halt(self) -> None:

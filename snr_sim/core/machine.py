@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Any
 
-from snr_sim.core.handlers import HandlerLookup, as_tasks
+from snr_sim.core.handlers import HandlerLookup, as_tasks, schedule_returned
 from snr_sim.core.inbox import Inbox
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError
@@ -28,6 +28,7 @@ from snr_sim.prelude.task import Task, TaskType
 DRAIN_GENERATIONS = 10
 # On the wall clock it also takes no longer than this: shutdown of a robot must not wait for a long queue.
 MAX_DRAIN_S = 0.3
+BURST_TASKS = 1000  # inputs in the inbox at once that are counted, for the limit in core/runaway.py
 _TERMINATE = TaskType.terminate
 
 
@@ -61,6 +62,8 @@ class EventMachine:
         self.now_s: float = 0.0
         self.executed: int = 0
         self.max_executed: int = sys.maxsize  # limit of `run_ready`: see core/runaway.py
+        self.accepted: int = 0  # inputs
+        self.on_burst: Callable[[int], None] = lambda count: None  # so many inputs are accepted now
         self.longest_queue: int = 0  # right after inputs were queued: there it grows if inputs arrive too fast
         self.running: Component | None = None  # the component whose code runs now
         self.task: Task | None = None  # the task whose handlers run now
@@ -211,17 +214,21 @@ class EventMachine:
         if self.inbox.failure is not None:
             raise self.inbox.failure
         waiting, enqueue = self.inbox.waiting, self._enqueue
-        while waiting:
+        count = len(waiting)  # not until it is empty: another thread may fill it as fast
+        if count >= BURST_TASKS:
+            self.on_burst(count)
+        self.accepted += count
+        for _ in range(count):
             enqueue(*waiting.popleft())
         queue_length = self.queue_length
         if queue_length > self.longest_queue:
             self.longest_queue = queue_length
 
     def begin_component(self, component: Component) -> None:
-        """Call a component's `begin`; tasks it schedules are queued as results, not as inputs."""
+        """Call a component's `begin`; tasks it schedules or returns are queued as results, not as inputs."""
         self.running = component
         try:
-            component.begin()
+            schedule_returned(component.begin(), component, component.begin)
         finally:
             self.running = None
         if self._recorder is not None and self._scheduled:

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from snr_sim.core.component_registry import ComponentRegistry
-from snr_sim.core.handlers import as_tasks, describe
+from snr_sim.core.handlers import as_tasks, describe, schedule_returned
 from snr_sim.core.loop import Loop, SetupResult
 from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_parts import NodeParts
@@ -81,7 +81,7 @@ class NodeLife:
         if isinstance(component, Loop):
             component.setup_result, component.is_removed = setup_result, False
         try:
-            self._begin(component, lambda one: one.begin())
+            self._begin(component, lambda one: schedule_returned(one.begin(), one, one.begin))
             if isinstance(component, Loop) and component.caller is not None and component.caller.setup_timeout_s:
                 failure = setup_result.wait(component.caller.setup_timeout_s)
                 if failure is not None:
@@ -229,9 +229,10 @@ class NodeLife:
         function = loop.setup if step == "setup" else loop.loop
         try:
             if self.node.profiler is not None:
-                self.node.profiler.time(f"{loop.name}.{step}", function)
+                returned = self.node.profiler.time(f"{loop.name}.{step}", function)
             else:
-                function()
+                returned = function()
+            schedule_returned(returned, loop, function)
         except (Exception, SystemExit) as error:
             failure = self.report.failure_of(loop, error, step)
             if not (failure.suspects and self.blame_suspects(failure)):

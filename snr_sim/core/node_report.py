@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from snr_sim.core.machine import EventMachine, HandlerError
-from snr_sim.core.source_location import describe_error, location_of, without_addresses
+from snr_sim.core.source_location import class_location, describe_error, location_of, without_addresses
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import CommandError, ComponentFailedError
@@ -31,7 +31,9 @@ class NodeReport:
         if isinstance(error, ComponentFailedError):
             return error
         where = f"in {step}() of component '{component.name}' at t = {self._clock.now_s():.3f} s"
-        message = describe_error(error, where)
+        # For an error in the call itself, or in what was returned: no line of the student's code raised it.
+        begins = location_of(getattr(component, step, None)) or class_location(type(component))
+        message = describe_error(error, where, begins)
         if isinstance(error, CommandError):
             return ComponentFailedError(message, self._name, component.name, step, error.suspects, error.stored_at_s)
         return ComponentFailedError(message, self._name, component.name, step)

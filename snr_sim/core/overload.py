@@ -1,4 +1,8 @@
-"""Report of an overloaded node on the wall clock: the waiting tasks, their senders, and the slow handlers."""
+"""Report of an overloaded node on the wall clock: the waiting tasks, their senders, and the slow handlers.
+
+Tasks that schedule each other without end keep the queue short, but the node is never idle and executes many more tasks
+than come from outside. In lock step `core/runaway.py` ends such a run; a robot on the wall clock continues.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +13,17 @@ from snr_sim.core.current_call import CurrentCall
 from snr_sim.core.handlers import describe
 from snr_sim.core.node_life import OVERLOAD_TASKS
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.source_location import SourceLocation
+from snr_sim.core.runaway import ENDLESS_FIX
+from snr_sim.core.source_location import SourceLocation, after_line, location_of
 
 REPORT_PERIOD_S = 10.0
 SAMPLES = 40  # of senders and of running handlers, for one report
 SAMPLE_PERIOD_S = 0.005
 COUNTED_TASKS = 10_000  # at most, of the waiting tasks
 SHOWN = 3
+ENDLESS_AFTER_S = 2.0  # without a pause, and with at least so many tasks, and so many for each input
+MIN_ENDLESS_TASKS = 1000
+MIN_TASKS_PER_INPUT = 100
 
 
 class Overload:
@@ -33,9 +41,51 @@ class Overload:
         self._pause = pause
         self._before: tuple[float, int] | None = None  # time of the last check [s], and total number of tasks by then
         self._report_at_s = float("-inf")
+        # Since the node was idle last: its number of waits, the time [s], and executed tasks and inputs by then.
+        self._busy_since: tuple[int, float, int, int] = (-1, 0.0, 0, 0)
 
     def check(self, now_s: float) -> str | None:
-        """Return a report if the queue is long and was so at the last check too, else None."""
+        """Return a report if the queue is long and was so at the last check too, or tasks have no end; else None."""
+        return self._check_queue(now_s) or self._check_endless(now_s)
+
+    def _check_endless(self, now_s: float) -> str | None:
+        machine, wait_count = self._node.machine, self._node.inbox.wait_count
+        if wait_count != self._busy_since[0] or self._node.is_finished:
+            self._busy_since = wait_count, now_s, machine.executed, machine.accepted
+            return None
+        _, since_s, executed, accepted = self._busy_since
+        if now_s - since_s < ENDLESS_AFTER_S or now_s < self._report_at_s:
+            return None
+        executed = machine.executed + self._call(True).executed - executed
+        inputs = machine.accepted - accepted
+        if executed < max(MIN_ENDLESS_TASKS, MIN_TASKS_PER_INPUT * inputs):
+            return None
+        self._report_at_s = now_s + REPORT_PERIOD_S
+        what = (
+            f"node '{self._node.name}' has executed {executed} tasks in {now_s - since_s:.1f} s without a pause, and "
+            f"{inputs} came from outside: tasks schedule each other without end."
+        )
+        first, lines = self._repeated()
+        return "\n  ".join([after_line(first, what), *lines, f"Try: {ENDLESS_FIX}"])
+
+    def _repeated(self) -> tuple[SourceLocation | None, list[str]]:
+        """Return the first student's line of the handlers of some executed tasks, and a text for each task."""
+        lines: dict[str, str] = {}
+        first: SourceLocation | None = None
+        for _ in range(SAMPLES):
+            self._pause(SAMPLE_PERIOD_S)
+            task = self._call(True).task
+            if task is None or describe(task.id()) in lines or len(lines) == SHOWN:
+                continue
+            called = []
+            for _, handler, _, label in self._node.machine.lookup.cache[task.type].get(task.name, ()):
+                location = location_of(handler)
+                first = first or location
+                called.append(".".join(label) + (f" ({location})" if location else ""))
+            lines[describe(task.id())] = f"  {describe(task.id())} -> {', '.join(called)}"
+        return first, list(lines.values())
+
+    def _check_queue(self, now_s: float) -> str | None:
         machine = self._node.machine
         waiting = machine.queued
         if waiting < OVERLOAD_TASKS or self._node.is_finished:

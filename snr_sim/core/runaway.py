@@ -8,14 +8,17 @@ executes what the trace contains.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.handlers import describe
 from snr_sim.core.machine import EventMachine, HandlerError
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.source_location import SourceLocation, location_of
+from snr_sim.core.page_writers import writers_of
+from snr_sim.core.source_location import SourceLocation, after_line, location_of
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.task import Task
 
@@ -23,6 +26,10 @@ WATCHED_TASKS = 60  # executed one by one above the limit, to find which schedul
 SHOWN_TASKS = 12
 # After a rollback the old code handles what the new code has queued, so there may be this many times as many tasks.
 MAX_LEFTOVER = 10
+ENDLESS_FIX = (
+    "let a Loop bring in what is to happen again, at its max_tick_rate_hz; a handler answers a page with another key, "
+    "or only when something has changed."
+)
 
 
 class ExecutedTask(NamedTuple):
@@ -47,11 +54,23 @@ class TaskLimit:
         self._machines: list[tuple[EventMachine, int]] = [
             (node.machine, node.config.max_tasks_per_moment) for node in nodes
         ]
+        self._inputs: dict[str, tuple[float, int]] = {}  # by node: time [s] of its last burst, inputs in bursts there
+        for node in nodes:
+            node.machine.on_burst = partial(self._count_burst, node)
 
     def begin(self) -> None:
         """Reset each node's number of tasks for a new instant."""
         for machine, at_most in self._machines:
             machine.max_executed = machine.executed + at_most
+
+    def _count_burst(self, node: NodeParts, count: int) -> None:
+        """Raise a ComponentFailedError if a node has accepted more inputs at this moment than it may execute."""
+        now_s = self._clock.now_s()
+        before_s, inputs = self._inputs.get(node.name, (now_s, 0))
+        inputs = count + (inputs if before_s == now_s else 0)
+        self._inputs[node.name] = now_s, inputs
+        if inputs > node.config.max_tasks_per_moment:
+            raise _flood(node, inputs)
 
     def check(self) -> bool:
         """Return whether a node that had reached its limit may continue, as the code that caused it is rolled back.
@@ -113,6 +132,21 @@ def cycle_of(steps: Sequence[ExecutedTask]) -> list[ExecutedTask]:
     return newest[-SHOWN_TASKS:]
 
 
+def _flood(node: NodeParts, count: int) -> ComponentFailedError:
+    """Return the failure of a component that has brought more inputs at one moment than may be executed."""
+    waiting = list(node.inbox.waiting)
+    ((task_id, source), _), *_ = Counter((task.id(), source) for task, source in waiting).most_common(1)
+    component = node.components.get(source)
+    writers = writers_of(str(task_id[1]), [] if component is None else [component])
+    what = (
+        f"'{source}' has brought {count} tasks to node '{node.name}' at t = {node.machine.now_s:.3f} s, most of them "
+        f"{describe(task_id)}, without a pause: so time stands still."
+    )
+    fix = "a Loop brings in what is to happen again, at its max_tick_rate_hz; a thread of your own waits in between."
+    message = after_line(writers[0].location if writers else None, what)
+    return ComponentFailedError(f"{message}\n  Try: {fix}", node.name, source)
+
+
 def _failure(node: NodeParts, cycle: Sequence[ExecutedTask]) -> ComponentFailedError:
     locations = [location for step in cycle for _, location in step.handlers if location is not None]
     lines = [str(step) for step in cycle[:SHOWN_TASKS]]
@@ -122,10 +156,7 @@ def _failure(node: NodeParts, cycle: Sequence[ExecutedTask]) -> ComponentFailedE
         f"node '{node.name}' has executed {node.config.max_tasks_per_moment} tasks at t = {node.machine.now_s:.3f} s, "
         "and there are more: tasks schedule each other without end, so time stands still."
     )
-    fix = (
-        "let a Loop bring in what is to happen again, at its max_tick_rate_hz; a handler answers a page with another "
-        "key, or only when something has changed. Config(max_tasks_per_moment=...) raises the bound."
-    )
+    fix = f"{ENDLESS_FIX} Config(max_tasks_per_moment=...) raises the bound."
     first = [str(locations[0])] if locations else []
     message = "\n  ".join([*first, what, *(f"  {line}" for line in lines), f"Try: {fix}"])
     suspects = dict.fromkeys(name for step in cycle for name in step.components if step.node == node.name)

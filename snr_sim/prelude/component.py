@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Protocol, TypeAlias, runtime_checkable
 
-from snr_sim.prelude.task import TaskHandlerMap
+from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
 
 RoleName: TypeAlias = str
 
@@ -17,8 +17,8 @@ class Component(Protocol):
     name: str
     task_handlers: TaskHandlerMap
 
-    def begin(self) -> None:
-        """Start; called once before the first task."""
+    def begin(self) -> SomeTasks:
+        """Start; called once before the first task. What it returns is executed as first tasks."""
 
     def join(self) -> None:
         """Stop the component's activity and call its `halt`; called once after the last task."""

@@ -273,6 +273,10 @@ MISTAKES = [
             short('@handles("radar")', '@handles(type("Gentles", (), {}))')),
     Mistake(211, "two methods for one page", ("line 11: |Gentle", "Gentle", "page|process_data", "twice", "one method"),
             short("    @handles", "    @handles('radar')\n    def on_other(self, radar):\n        pass\n\n    @handles")),
+    Mistake(213, "a handler of the short form that stores its own trigger without end", ("line 14: ", "gentle.on_radar", "a Loop bring in", "executed 100000 tasks", "only when something has changed"),
+            short('"engine", Engine(min(max(throttle, 0.0), 1.0))', '"radar", {**radar}'), is_before=False),
+    Mistake(214, "a handler of the short form that returns a number", ("line 14: ", "gentle.on_radar", "not a task", "returned 0.", "a Task or a list"),
+            short('self.store_data_task("engine", Engine(min(max(throttle, 0.0), 1.0)))', "throttle"), is_before=False),
     Mistake(212, "an attribute that is not set", ("line 17: ", "'gentle'", "nothing sets it", "'hoover'", "hover"),
             short("self.hover", "self.hoover")),
 ]  # fmt: skip

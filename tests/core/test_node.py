@@ -6,7 +6,20 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Endpoint, EndpointFactory, LoopFactory, Node, SimClock, SomeTasks, Task, TaskType, tasks
+from snr_sim import (
+    Config,
+    Endpoint,
+    EndpointFactory,
+    Loop,
+    LoopFactory,
+    Node,
+    SimClock,
+    SomeTasks,
+    Task,
+    TaskType,
+    handles,
+    tasks,
+)
 from snr_sim.core.node_life import OVERLOAD_TASKS
 from snr_sim.core.node_report import MAX_NOTES
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError, UnknownNameError
@@ -48,6 +61,43 @@ def test_a_loop_is_set_up_looped_halted_and_terminated_in_that_order() -> None:
     steps = {step: (lambda loop, step=step: log.append(step)) for step in ("setup", "halt", "terminate")}
     node_of(FunctionLoopFactory(lambda loop: log.append("loop"), rate_hz=10, **steps), ender(0.2)).loop()
     assert log == ["setup", "loop", "loop", "loop", "halt", "terminate"]
+
+
+class TaskReturning(Endpoint):
+    def begin(self) -> SomeTasks:
+        return self.store_data_task("begun", 1)
+
+    @handles("ticked")
+    def on_tick(self, data: Any) -> SomeTasks:
+        return self.store_data_task("answer", data)
+
+
+class ReturningLoop(Loop):
+    max_tick_rate_hz = 1.0
+
+    def setup(self) -> SomeTasks:
+        return [self.store_data_task("set_up", 2)]
+
+    def loop(self) -> SomeTasks:
+        return self.store_data_task("ticked", 3)
+
+
+class Wrong(Loop):
+    def loop(self) -> SomeTasks:
+        return {"throttle": 1.0}  # type: ignore[return-value]
+
+
+def test_tasks_that_begin_setup_and_loop_return_are_executed_and_recorded() -> None:
+    recorder = FakeRecorder()
+    node = node_of(TaskReturning.factory(), ReturningLoop.factory(), ender(), recorder=recorder)
+    node.loop()
+    pages = {key: page.data for key, page in node.datastore.pages.items()}
+    assert pages == {"begun": 1, "set_up": 2, "ticked": 3, "answer": 3}
+
+
+def test_loop_that_returns_something_else_raises_with_its_line() -> None:
+    with pytest.raises(ComponentFailedError, match=r"test_node.py, line \d+: def loop(.|\n)*which is not a task"):
+        node_of(Wrong.factory()).loop()
 
 
 def test_a_node_runs_once() -> None:

@@ -1,5 +1,6 @@
 """Tasks that schedule each other endlessly at one time end the run with a message that names them."""
 
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.core.config import MAX_TASKS_PER_MOMENT
+from snr_sim.core.machine import BURST_TASKS
 from snr_sim.core.runaway import cycle_of
 from snr_sim.links.faults import MIN_TRANSIT_S
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
@@ -161,7 +163,45 @@ def test_each_moment_has_the_whole_bound_and_each_node_its_own() -> None:
     assert len(seen) == 2 * 6 * (BOUND - 1)
 
 
-def test_on_the_wall_clock_there_is_no_bound() -> None:
+def test_input_that_arrives_while_inputs_are_accepted_waits_for_the_next_time() -> None:
+    class Refilled(deque[Any]):
+        left = 1000
+
+        def popleft(self) -> Any:
+            self.left -= 1
+            if self.left:
+                self.append((tasks.event("more"), "thread"))
+            return super().popleft()
+
+    node = Node("r", config({"r": []}), clock=SimClock())
+    node.inbox.waiting = Refilled([(tasks.event("more"), "thread")] * 3)
+    node.machine.accept_inputs()
+    assert (node.machine.queue_length, len(node.inbox.waiting)) == (3, 3)
+
+
+@pytest.mark.parametrize("count", [BURST_TASKS, BURST_TASKS + 1])
+def test_component_that_brings_more_inputs_than_the_bound_is_named(count: int) -> None:
+    def bring(task: Task, task_id: Any) -> None:
+        if not brought:
+            brought.append(count)
+            parts[0].parent.enqueue_input([Task(TaskType.event, "flood")] * count, "part")
+
+    parts: list[FunctionEndpoint] = []
+    brought: list[int] = []
+    part = FunctionEndpointFactory(
+        {(TaskType.event, "go"): bring, (TaskType.event, "flood"): bring}, "part", begin=parts.append
+    )
+    start = FunctionLoopFactory(lambda loop: loop.schedule(tasks.event("go")), "starter", 0.001)
+    run = TestRunner(config({"test": [part, start]}, BURST_TASKS + 1 if count == BURST_TASKS else BURST_TASKS)).run
+    if count == BURST_TASKS:
+        run()
+        return
+    message = failure_of(run)
+    assert f"'part' has brought {count} tasks to node 'test_node' at t = 0.000 s" in message
+    assert "event 'flood'" in message
+
+
+def test_on_the_wall_clock_tasks_do_not_end_the_run() -> None:
     seen: list[int] = []
     node = Node("r", config({"r": [count_to(3 * BOUND, seen), ender()]}))
     node.loop()

@@ -207,6 +207,31 @@ def bring(count: int) -> Callable[[Checks, Node, int], object]:
     return at_check
 
 
+@pytest.mark.parametrize(("inputs", "is_reported"), [(0, True), (10, True), (1000, False)])
+def test_tasks_that_schedule_each_other_on_the_wall_clock_are_reported(inputs: int, is_reported: bool) -> None:
+    def on_go(task: Task, task_id: Any) -> Task | None:
+        (number,) = task.val_list
+        if number % 500 == 0:
+            node.enqueue_input([tasks.event("other")] * (inputs // 10), "sensor")
+            checks.pass_by(0.5)
+        return tasks.event("go", [number + 1]) if number < 5000 else None
+
+    pilot = FunctionEndpointFactory({GO: on_go}, "pilot", begin=lambda part: part.schedule(tasks.event("go", [1])))
+    node = Node("test", Config(factories={"test": [pilot]}))
+    checks = Checks(node)
+    node.begin()
+    node.run_ready()
+    reports = [one for one in checks.reports if "without end" in one]
+    assert len(reports) == is_reported
+    if is_reported:
+        first, what, task, fix = reports[0].splitlines()
+        assert "test_watchdog.py, line " in first
+        assert "node 'test_node' has executed " in what
+        assert what.endswith("came from outside: tasks schedule each other without end.")
+        assert task.startswith("    event 'go' -> pilot.on_go (")
+        assert fix.startswith("  Try: let a Loop bring in")
+
+
 def test_overload_reports_tasks_senders_and_slow_handler() -> None:
     reports = overloaded(bring(1000), 1.5)
     (message,) = [one for one in reports if "tasks wait" in one]

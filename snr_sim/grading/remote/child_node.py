@@ -20,7 +20,7 @@ import msgspec
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.handlers import as_tasks, handler_name
+from snr_sim.core.handlers import as_tasks, handler_name, schedule_returned
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.machine import EventMachine
 from snr_sim.core.node import Node
@@ -38,6 +38,7 @@ from snr_sim.scenario import library
 from snr_sim.scenario.controller import factories_of
 
 MAX_OUTPUT_CHARS = 100_000  # of the output and logs of one step
+_STEPS_WITH_TASKS = ("begin", "setup", "loop")
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 _OBJECT = b'{"$":"object"'
 _KEPT = 64  # pages of a key: a step may make some, which wait to be processed
@@ -241,7 +242,9 @@ class ChildNode(Node):
             if step == "join" and isinstance(component, Loop):
                 component.halt()
             else:
-                getattr(component, step)()
+                returned = getattr(component, step)()
+                if step in _STEPS_WITH_TASKS:
+                    schedule_returned(returned, component, getattr(component, step))
         except BaseException:
             machine.scheduled.clear()  # or the next step would bring it, of another component
             raise
