@@ -54,6 +54,7 @@ def record_run(
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.scenario.library import keep_copies
+    from snr_sim.scenario.reload_checks import ReloadChecks
     from snr_sim.scenario.simulation_run import SimulationRun
     from snr_sim.scenario.source_checks import notes_before
 
@@ -104,6 +105,13 @@ def record_run(
             print(line, file=sys.stderr, flush=True)
         for note in foreseen:
             print_note(note)
+        if is_watched and isinstance(run, SimulationRun):
+
+            def report(note: str) -> None:
+                foreseen.append(note)
+                print_note(note)
+
+            ReloadChecks(simulation, run.nodes, foreseen, report)
         result = _run_to_end(run, signals, recorder)
         result.notes = list(dict.fromkeys([*foreseen, *result.notes, *kept.left_out]))
         fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)

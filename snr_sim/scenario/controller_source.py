@@ -62,7 +62,8 @@ def finding(place: object, what: str, fix: str) -> str:
     return f"{place}{NEXT_LINE}{what}{NEXT_LINE}Try: {fix}"
 
 
-def _parsed(path: Path) -> ast.Module:
+def parsed(path: Path) -> ast.Module:
+    """Return the present syntax tree of a file; an empty one if it cannot be read or parsed."""
     try:
         return ast.parse(source_files().read(path))
     except (OSError, SyntaxError, ValueError, RecursionError):
@@ -72,7 +73,7 @@ def _parsed(path: Path) -> ast.Module:
 def texts_of(path: Path) -> Iterator[str]:
     """Yield the texts that are literals in a Python file."""
     if path.suffix == ".py":
-        for node in ast.walk(_parsed(path)):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 yield node.value
 
@@ -91,7 +92,7 @@ class _Reader(ast.NodeVisitor):
         self._names: list[SourceLiteral] = []  # names whose value is used
 
     def read(self) -> None:
-        tree = _parsed(self._path)
+        tree = parsed(self._path)
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
                 for declared in filter(None, (_argument(one, "page") for one in node.decorator_list)):

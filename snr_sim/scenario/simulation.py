@@ -90,6 +90,11 @@ class Simulation:
         return Path(self.request.scenario).stem
 
     @property
+    def controller_path(self) -> Path:
+        """The controller's file."""
+        return Path(str(self._controller.__file__))
+
+    @property
     def roles(self) -> list[str]:
         """The roles that run: the requested one, or all of the robot's."""
         return [self.request.role] if self.request.role else list(self.robot_file.ROLES)

@@ -33,8 +33,13 @@ _LIBRARY_KEYS = ("recording", "reload", "add_component", "remove_component")
 _PREVIOUS = "_prev"
 
 
-def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
+def notes_before(simulation: Simulation, nodes: Sequence[Node], is_running: bool = False) -> list[str]:
     """Return the errors that can be found now in a controller of the user's own, each with its line first.
+
+    Args:
+        simulation: what runs.
+        nodes: with its components.
+        is_running: whether they have begun; then no device is opened to compare fields and commands with.
 
     Raises:
         ConfigError: it is for another robot.
@@ -46,7 +51,7 @@ def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
     known = {text for name, path in files.items() if path not in mine for text in texts_of(path)}
     source = read_source(mine)
     robot = _Robot(nodes, known, source)
-    return list(dict.fromkeys([*source.plain, *_of_components(nodes, source), *robot.notes(simulation)]))
+    return list(dict.fromkeys([*source.plain, *_of_components(nodes, source), *robot.notes(simulation, is_running)]))
 
 
 def notes_on_files(files: Sequence[Path]) -> list[str]:
@@ -70,13 +75,13 @@ class _Robot:
         self._others = known | {*self._sensors, *self._actuators, *_LIBRARY_KEYS}
         self._known = self._others | self._stored
 
-    def notes(self, simulation: Simulation) -> Iterator[str]:
+    def notes(self, simulation: Simulation, is_running: bool) -> Iterator[str]:
         unknown = [one for one in (*self._source.waits, *self._source.gets) if not self._has(one.name)]
         if unknown and not self._source.is_open:
             _check_robot(simulation, self._source, {one.name for one in unknown})
             yield from map(self._unstored_page, unknown)
         yield from self._unhandled_pages()
-        if simulation.request.io == "sim":  # only the run opens real devices
+        if simulation.request.io == "sim" and not is_running:  # only the run opens real devices
             yield from self._commands()
             yield from self._fields()
 

@@ -207,14 +207,20 @@ MISTAKES = [
             in_flight('radar["altitude_m"]', 'radar["altitude_n"]'), words=WATCHED, is_before=False),
     Mistake(69, "a live edit with a syntax error", ("line 20: ", "gentle.py", "never closed", "SyntaxError", "count the brackets"),
             in_flight('radar["altitude_m"]', '(radar["altitude_m"]'), words=WATCHED, is_before=False),
-    *[Mistake(70 + i, f"a live edit that stores {what}", ("line \\d+: ", "'engine'|gentle.on_radar", must, found, fix), in_flight(*edit), words=WATCHED, is_before=False)
+    *[Mistake(70 + i, f"a live edit that stores {what}", (r"line \d+: ", "'engine'|gentle.on_radar", must, found, fix), in_flight(*edit), words=WATCHED, is_before=False)
       for i, (what, must, found, fix, *edit) in enumerate([
           ("an unknown field", "did you mean", "'throtle'", "throttle", '"throttle"', '"throtle"'),
-          ("NaN", "must be finite", "nan", "send a number from", 'min(max(throttle, 0.0), 1.0)', 'float("nan")'),
+          ("NaN", "finite number", "nan", "send a number from", 'min(max(throttle, 0.0), 1.0)', 'float("nan")'),
           ("a text", "must be a dict|must be a number", "'half'", "store a dict", 'min(max(throttle, 0.0), 1.0)', '"half"'),
       ])],
     Mistake(73, "a live edit that stores its own trigger without end", ("", "", "", "", ""), is_before=False,
             elsewhere="tests/core/test_rollback.py::test_new_code_with_tasks_without_end_leaves_its_place_to_the_old_code"),
+    Mistake(74, "a live edit that stores a misspelt page", ("line 20: ", "'enigne'", "its actuators take: engine", "Nothing in this robot takes", "did you mean 'engine'"),
+            in_flight('"engine"', '"enigne"'), words=WATCHED, is_before=False),
+    Mistake(75, "a live edit that removes the handlers", (r"line \d+: |Endpoint 'gentle'", "'gentle'", "task_handlers", "no handlers", "set self.task_handlers"),
+            in_flight("def factories", "Gentle.__init__ = Endpoint.__init__\n\n\ndef factories"), words=WATCHED, is_before=False),
+    Mistake(76, "a live edit of factories()", (r"line 2\d", r"factories\(robot\)", "only when a run starts", "has changed", "start the run again"),
+            in_flight("[GentleFactory()]", "[GentleFactory(), GentleFactory()]"), words=WATCHED, is_before=False),
     # Others of the same kinds.
     Mistake(101, "a name that is not imported", ("line 16: ", "tasks", "from snr_sim import tasks", "Nothing gives tasks a value", "add at the top"),
             put(RADAR, RADAR + '        if radar["altitude_m"] < 3: return tasks.terminate("done")\n')),
