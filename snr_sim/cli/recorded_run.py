@@ -51,6 +51,7 @@ def record_run(
     from snr_sim.core.interrupts import graceful_shutdown
     from snr_sim.core.reload.watch import with_watch
     from snr_sim.core.runners import show_log
+    from snr_sim.core.slow_start import SlowStart
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.scenario.library import keep_copies
@@ -60,6 +61,8 @@ def record_run(
 
     place, out = out, out.resolve()  # the student's code may change the current folder
     with capture_output(is_json), ExitStack() as stack:
+        start = stack.enter_context(ExitStack())
+        start.enter_context(SlowStart())
         simulation, alone, plant, config, pace = _prepared(request, pace)
         header = simulation.header(plant, config, "sim" if alone is None else "wall")
         config.stall_limit_s = _stall_limit_s(stall_limit_s, is_json)
@@ -99,6 +102,7 @@ def record_run(
             signals = stack.enter_context(graceful_shutdown(run.nodes))
             foreseen = notes_before(simulation, run.nodes) if isinstance(run, SimulationRun) else []
             undo.pop_all()
+        start.close()
         for line in [] if is_json else start_lines:
             print(line, flush=True)
         for line in [] if alone is None else alone.start_lines():

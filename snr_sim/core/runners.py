@@ -17,6 +17,7 @@ from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.reload.watch import with_watch
+from snr_sim.core.slow_start import SlowStart
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SnrError, suggest
@@ -131,7 +132,8 @@ class CliRunner:
             self._explain(unknown, roles, list(config.factories))
             raise SystemExit(2)
         try:
-            runner = SynchronousRunner(roles[0], with_watch(config) if is_watched else config)
+            with SlowStart():
+                runner = SynchronousRunner(roles[0], with_watch(config) if is_watched else config)
             runner.run()
         except SnrError as error:
             if mode is Mode.DEBUG or reloading_file.get():  # a reload reports errors itself
