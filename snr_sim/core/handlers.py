@@ -8,6 +8,7 @@ from types import AsyncGeneratorType, CodeType, CoroutineType, FunctionType, Gen
 from typing import Any, TypeAlias
 from weakref import WeakSet
 
+from snr_sim.core.page_changes import watch_page
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
@@ -61,6 +62,7 @@ class HandlerLookup:
         self._profiler = profiler
         # Wraps a handler while new code is on probation (core/reload/rollback.py).
         self.wrap_handler: Callable[[Component, TaskHandler], TaskHandler] | None = None
+        self.add_note: Callable[[str, str], None] = lambda text, lines: None  # about a handler that was called
         self.cache: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
         self._seen: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
 
@@ -79,7 +81,7 @@ class HandlerLookup:
             for one in list(by_name) if name is None else (name,):
                 if one not in by_name or (name is None and (kind, one) in handlers):
                     continue
-                if _is_change(kind, one):  # there node_core is last
+                if _is_change(kind, one) or (kind is TaskType.process_data and by_name[one]):  # `find` looks at all
                     self._seen[kind][one] = by_name.pop(one)
                 else:
                     by_name[one] += (self._entry(component, task_id),)
@@ -108,6 +110,10 @@ class HandlerLookup:
             entries = tuple(self._search(task.type, task.name))
             if _is_change(task.type, task.name):
                 entries = entries[1:] + entries[:1]  # node_core last: a removed component's handler is not called
+            if task.type is TaskType.process_data and len(entries) > 1:
+                entries = tuple(
+                    (one, watch_page(label, call, self.add_note), key, label) for one, call, key, label in entries
+                )
             by_name[task.name] = entries
         return entries
 

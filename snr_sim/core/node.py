@@ -104,6 +104,7 @@ class Node(NodeMembers):
         self.never_ran: bool = False  # an error ended it at its start, so do not report missing pages
         self.report: NodeReport = NodeReport(self.name, self.clock, self.machine, self._recorder)
         self.life: NodeLife = NodeLife(self, self.registry, self.report, self._recorder)
+        lookup.add_note = self.add_note
         self._core = NodeCore(self, self.life)
         self.registry.add(self._core, 0)
         self.registry.add_all(config.get(role), is_replay)

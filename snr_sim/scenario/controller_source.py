@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.hints import about_name
+from snr_sim.core.page_changes import COPY_FIX
 from snr_sim.core.reload.source_files import source_files
 from snr_sim.core.run_diagnostics import NEXT_LINE
 from snr_sim.core.source_location import SourceLocation, short_path
@@ -201,6 +202,30 @@ class _Reader(ast.NodeVisitor):
                     fix = f"return self.store_data_task('page', {text}), or None, or a list of tasks."
                     self._report(node, f"returns {text}, which is not a task.", fix, who="The handler ")
         self.generic_visit(node)
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        self._check_change(node.target)
+        self.generic_visit(node)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        for target in node.targets:
+            self._check_change(target)
+        self.generic_visit(node)
+
+    def visit_Delete(self, node: ast.Delete) -> None:
+        for target in node.targets:
+            self._check_change(target)
+        self.generic_visit(node)
+
+    def _check_change(self, target: ast.expr) -> None:
+        """Report an assignment into a page that was read."""
+        inner = target
+        while isinstance(inner, ast.Subscript):
+            inner = inner.value
+        if inner is target or not (self._class and isinstance(inner, ast.Name) and self._pages.get(inner.id)):
+            return
+        what = f"changes the page '{self._pages[inner.id]}' that it reads: other components get what it makes of it."
+        self._report(target, what, COPY_FIX.format(inner.id))
 
     def visit_Subscript(self, node: ast.Subscript) -> None:
         key = self._pages.get(node.value.id, "") if isinstance(node.value, ast.Name) else _key_of_get(node.value)

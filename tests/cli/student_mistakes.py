@@ -256,6 +256,8 @@ MISTAKES = [
             put(COMMAND, 'return self.store_data_task("engine", 0.5)')),
     Mistake(117, "a task that is not returned", ("line 18: ", r"on_radar\(\) of Gentle", "returns is done", "drops it", "return self.store_data_task"),
             put("return self.store_data_task", "self.store_data_task")),
+    Mistake(118, "an assignment into a page", ("line 16: ", r"on_radar\(\) of Gentle", "that it reads", "changes the page 'radar'", r"radar = dict\(radar\)"),
+            put(RADAR, RADAR + '        radar["altitude_m"] = 0.0\n')),
     # The short form
     Mistake(201, "@handles page 'rader'", ("line 14: ", "page 'rader'", "Stored are: .*radar", "'rader'", "did you mean 'radar'"),
             short('@handles("radar")', '@handles("rader")')),
@@ -279,6 +281,8 @@ MISTAKES = [
             short('@handles("radar")', '@handles(type("Gentles", (), {}))')),
     Mistake(211, "two methods for one page", ("line 11: |Gentle", "Gentle", "page|process_data", "twice", "one method"),
             short("    @handles", "    @handles('radar')\n    def on_other(self, radar):\n        pass\n\n    @handles")),
+    Mistake(215, "an assignment into a page in the short form", ("line 16: ", r"on_radar\(\) of Gentle", "that it reads", "changes the page 'radar'", r"radar = dict\(radar\)"),
+            short("        target_mps", '        radar["altitude_m"] -= 1.0\n        target_mps')),
     Mistake(213, "a handler of the short form that stores its own trigger without end", ("line 14: ", "gentle.on_radar", "a Loop bring in", "executed 100000 tasks", "only when something has changed"),
             short('"engine", Engine(min(max(throttle, 0.0), 1.0))', '"radar", {**radar}'), is_before=False),
     Mistake(214, "a handler of the short form that returns a number", ("line 14: ", "gentle.on_radar", "not a task", "returned 0.", "a Task or a list"),
