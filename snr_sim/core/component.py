@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.page_data import data_of_page
 from snr_sim.core.page_types import declared_key, from_page
+from snr_sim.core.source_location import current_location
 from snr_sim.core.thesis_members import ComponentMembers
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
@@ -137,18 +139,27 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
         self._component = component
 
     def log(self, level: int, msg: object, *args: object, **options: Any) -> None:
-        """Record and show a message; the other methods call this one."""
+        """Record and show a message; the other methods call this one. A wrong call is noted."""
+        if level >= logging.INFO or self.isEnabledFor(level):
+            msg, args = self._text_of(level, msg, args), ()
         if level >= logging.INFO:
-            self._component.parent.record_text(
-                self._component.name, logging.getLevelName(level), f"{_text_of(msg, args)}\n"
-            )
+            self._component.parent.record_text(self._component.name, logging.getLevelName(level), f"{msg}\n")
         options["stacklevel"] = options.get("stacklevel", 1) + 1
         super().log(level, msg, *args, **options)
 
-
-def _text_of(msg: object, args: tuple[object, ...]) -> str:
-    """Return a message as logging formats it. As in logging, a wrong log call is reported and does not end the run."""
-    try:
-        return logging.LogRecord("", logging.INFO, "", 0, msg, args, None).getMessage()
-    except Exception as error:  # also of an object's own __str__
-        return f"a message of {type(msg).__name__} and {len(args)} values cannot be worded: {type(error).__name__}"
+    def _text_of(self, level: int, msg: object, args: tuple[object, ...]) -> object:
+        """Return a message as logging formats it. Logging itself would print the whole stack at each wrong call."""
+        if not args and type(msg) is str:
+            return msg
+        try:
+            return logging.LogRecord("", logging.INFO, "", 0, msg, args, None).getMessage()
+        except Exception as error:  # also of an object's own __str__
+            kind, name = type(error).__name__, self._component.name
+            text = f"a message of {type(msg).__name__} and {len(args)} values cannot be worded: {kind}"
+            if level >= logging.INFO:  # shown or not, so that a replay notes it too
+                location = current_location(sys._getframe())
+                self._component.parent.add_note(
+                    f"'{name}' logs {text}: {error}\n  Try: as many values as the text has % marks, or an f-string.",
+                    "" if location is None else f"{location}\n  ",
+                )
+            return text

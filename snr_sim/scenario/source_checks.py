@@ -20,6 +20,7 @@ import msgspec
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.hints import near
 from snr_sim.core.node import Node
+from snr_sim.core.page_writers import writers_of
 from snr_sim.core.run_diagnostics import NEXT_LINE, without_handlers
 from snr_sim.core.source_location import short_path
 from snr_sim.devices.commands import command_of
@@ -70,6 +71,7 @@ class _Robot:
         components = [component for node in nodes for component in node.components.values()]
         self._sensors = {one.factory.key: one for one in components if isinstance(one, SensorLoop)}
         self._actuators = {one.factory.key: one for one in components if isinstance(one, CommandLoop)}
+        self._components = components
         self._source = source
         self._stored = {one.name for one in source.stores}
         self._others = known | {*self._sensors, *self._actuators, *_LIBRARY_KEYS}
@@ -81,6 +83,7 @@ class _Robot:
             _check_robot(simulation, self._source, {one.name for one in unknown})
             yield from map(self._unstored_page, unknown)
         yield from self._unhandled_pages()
+        yield from self._commands_of_several()
         if simulation.request.io == "sim" and not is_running:  # only the run opens real devices
             yield from self._commands()
             yield from self._fields()
@@ -99,6 +102,14 @@ class _Robot:
             if close and one.name not in taken | self._others:
                 what = f"Nothing in this robot takes the page '{one.name}'; its actuators take: "
                 yield finding(one.place, f"{what}{', '.join(self._actuators)}.", f"did you mean '{close[0]}'?")
+
+    def _commands_of_several(self) -> Iterator[str]:
+        for key in sorted(self._stored & self._actuators.keys()):
+            writers = {one.component: one.location for one in writers_of(key, self._components)}
+            if len(writers) > 1:
+                what = f"Several components store the command '{key}': {', '.join(writers)}. The newest one counts."
+                fix = "let one store it; the others store pages of their own, from which that one decides."
+                yield finding([*writers.values()][-1], what, fix)
 
     def _commands(self) -> Iterator[str]:
         for one in self._source.stores:
