@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 from snr_sim.core.factory import ComponentFactory, FactoryOfClass
-from snr_sim.core.page_data import data_of_page
+from snr_sim.core.page_data import check_key, data_of_page
 from snr_sim.core.page_types import declared_key, from_page
 from snr_sim.core.source_location import current_location
 from snr_sim.core.thesis_members import ComponentMembers
@@ -72,6 +72,8 @@ class NodeComponent(ComponentMembers):
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
         """Return a page of this node, created now, with a copy of the data: see `data_of_page`."""
+        if type(key) is not str:
+            check_key(key, data)
         kept = data if type(data) in IMMUTABLE else data_of_page(self.parent, key, data)
         return Page(key, kept, self.parent.name, self.get_time_s(), process)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import inspect
 from collections.abc import Iterable
 from typing import Any
@@ -12,6 +13,7 @@ from snr_sim.core.handles import is_decorated
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.source_location import (
+    after_line,
     class_location,
     describe_error,
     location_of,
@@ -60,7 +62,9 @@ class ComponentRegistry:
             raise
         except (Exception, SystemExit) as error:
             what = f"while {name}.get() made a component of role '{node.role}'"
-            raise ConfigError(describe_error(error, what, class_location(type(factory)))) from error
+            made = getattr(factory._short_form, "component_class", None)
+            begins = (made and location_of(made.__init__)) or class_location(made or type(factory))
+            raise ConfigError(describe_error(error, what, begins)) from error
         expected: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
         if not isinstance(component, expected):
             location = location_of(factory.get)
@@ -76,7 +80,7 @@ class ComponentRegistry:
                 fix="begin its __init__ with: super().__init__(factory, parent, name).",
             )
         for step in _STEPS:
-            check_returns(f"{step}() of component '{component.name}'", getattr(component, step, None))
+            _check_step(component, step)
         if isinstance(component, Endpoint) and hasattr(component, "task_source"):
             node.add_note(
                 f"'{component.name}' has a task_source(), which nothing calls: a Loop brings in what is outside."
@@ -92,11 +96,12 @@ class ComponentRegistry:
         """Add what `make` has returned, at `index` in the order; raise a ConfigError if its name is taken."""
         other = self.components.get(component.name)
         if other is not None:
-            raise ConfigError(
+            what = (
                 f"Role '{self._node.role}' has two components named '{component.name}': "
-                f"a {type(other).__name__} and a {type(component).__name__}.",
-                fix="give each component a name of its own in its factory.",
+                f"a {type(other).__name__} and a {type(component).__name__}."
             )
+            message = after_line(class_location(type(component)), what)
+            raise ConfigError(message, fix="give each component a name of its own in its factory.")
         self.components[component.name] = component
         self._indices[component.name] = index
         self._node.machine.lookup.invalidate()
@@ -135,3 +140,27 @@ def _describe_non_factory(factory: Any) -> tuple[str, str]:
         instead = "SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair."
         return f"a {type(factory).__name__}, which links roles of one simulation,", instead
     return repr(factory), "list instances: [MyFactory()], not the class and not the endpoint itself."
+
+
+def _check_step(component: Endpoint | Loop, step: str) -> None:
+    """Check a method of a component's life where it is made; a Loop has a `loop` of its own.
+
+    Raises:
+        ConfigError: calling it would not run it, or it cannot be called without arguments, or it is missing.
+    """
+    method = getattr(component, step, None)
+    check_returns(f"{step}() of component '{component.name}'", method)
+    if method is None:
+        return
+    kind = type(component)
+    if isinstance(component, Loop) and getattr(kind, step) is Loop.loop:
+        close = difflib.get_close_matches("loop", [name for name, one in vars(kind).items() if callable(one)], n=1)
+        message = after_line(class_location(kind), f"{kind.__name__} is a Loop and has no method loop(self).")
+        raise ConfigError(message, fix=f"def loop(self){f', not {close[0]}' if close else ', called at each tick'}.")
+    try:
+        inspect.signature(method).bind()
+    except TypeError:
+        what = f"{step}() of {kind.__name__} takes {inspect.signature(method)}, but is called without arguments."
+        raise ConfigError(after_line(location_of(method), what), fix=f"def {step}(self):") from None
+    except ValueError:
+        return  # some callables written in C have no signature

@@ -230,7 +230,7 @@ def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> S
     if isinstance(returned, (list, tuple)):
         for item in returned:
             if type(item) is not Task:
-                raise _not_a_task(item, component, handler, f"a {type(returned).__name__} with ")
+                raise _not_a_task(item, component, handler, f"a {type(returned).__name__} with ", returned)
         return tuple(returned)
     raise _not_a_task(returned, component, handler, "")
 
@@ -241,7 +241,7 @@ def schedule_returned(returned: SomeTasks | Any, component: Any, step: Any) -> N
         component.schedule(as_tasks(returned, component, step))
 
 
-def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> TaskError:
+def _not_a_task(value: Any, component: Component, handler: Any, within: str, whole: Sequence[Any] = ()) -> TaskError:
     returned = f"'{component.name}.{handler_name(handler)}' returned"
     fix = "return None, a Task or a list of Tasks."
     if isinstance(value, CoroutineType):
@@ -251,6 +251,8 @@ def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> 
         return TaskError(f"{returned} what is {kind}, and not a task.", fix=fix)
     if isinstance(value, TaskType):
         fix = f"that is a kind of task; tasks.event('name') or Task(TaskType.{value.value}, 'name') makes one."
+    elif len(whole) == 2 and isinstance(whole[0], str) and type(whole[1]) is not Task:
+        fix = f"did you mean self.store_data_task({whole[0]!r}, ...)?"
     elif isinstance(value, str):
         fix = f"did you mean tasks.event({value!r})?"
     return TaskError(f"{returned} {within}{value!r}, which is not a task.", fix=fix)

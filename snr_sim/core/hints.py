@@ -21,6 +21,7 @@ from typing import Any
 from snr_sim.prelude.errors import suggest
 
 _UNKNOWN = object()
+NEAR_ATTRIBUTE = 0.65  # so that self.logger is near self.log
 _PACKAGES = ("snr_sim", "numpy", "scipy", "matplotlib", "pymunk", "mujoco", "gymnasium")
 
 
@@ -59,6 +60,8 @@ def _of_syntax(error: Any, trace: object) -> str:
         return "end the line with a colon: def, class, if, else, for, while, try and with need one."
     if "never closed" in message or "unmatched" in message or "does not match" in message:
         return "count the brackets: each one that is opened is closed, by one of its kind."
+    if re.search("[\u2018\u2019\u201c\u201d\u00ab\u00bb]", message):
+        return "write straight quotes, \" or ': these are of a text program or a web page."
     if "unterminated" in message:
         return "end the text with the same quotes that it begins with."
     return "look at this line and at the end of the one before: a missing bracket, comma, colon or quote."
@@ -98,6 +101,9 @@ def about_name(name: str, known: Iterable[str], owner: object = None) -> str:
 def _of_attribute(error: Any, trace: TracebackType | None) -> str:
     node = _node(trace)
     owner = _value(node.value, trace) if isinstance(node, ast.Attribute) else _UNKNOWN
+    myself = {} if trace is None else getattr(trace.tb_frame.f_locals.get("self"), "__dict__", {})
+    if "'NoneType' object" in str(error) and myself.get("parent", "") is None:
+        return "self.parent is the component's node: give your own attribute another name."
     if owner is None or "'NoneType' object" in str(error):
         return _about_none(node)
     if owner is _UNKNOWN or not isinstance(node, ast.Attribute):
@@ -106,9 +112,11 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
         return f'a page is a dict: {ast.unparse(node.value)}["{node.attr}"].'
     if isinstance(owner, EnumMeta):
         return suggest(node.attr, owner.__members__)
-    close = near(node.attr, _public(owner))
+    close = near(node.attr, _public(owner), NEAR_ATTRIBUTE)
     if close:
         return close
+    if node.attr == "factory" and isinstance(owner, type):
+        return f"name the class that it builds on: class {owner.__name__}(Endpoint)."
     if isinstance(node.value, ast.Name) and node.value.id == "self":
         if "TaskType." in _source(trace):
             return f"define it in the class: def {node.attr}(self, task, task_id): ..."
@@ -147,6 +155,9 @@ def _of_type(error: Any, trace: TracebackType | None) -> str:
         return "name the class that it builds on: class Mine(Endpoint), class MyFactory(EndpointFactory)."
     if "method' object is not subscriptable" in message and isinstance(node, ast.Subscript):
         return f"call it, with round brackets: {ast.unparse(node.value)}({ast.unparse(node.slice)})."
+    unexpected = re.search(r"unexpected keyword argument '(\w+)'", message)
+    if unexpected is not None and isinstance(node, ast.Call) and (known := _parameters(_value(node.func, trace))):
+        return suggest(unexpected[1], known, "it takes")
     if "positional argument" in message or "keyword argument" in message:
         return "compare the call with the def: as many arguments, in this order, after self."
     if "not callable" in message:
@@ -180,10 +191,17 @@ _WORDS: dict[type[BaseException], str | Callable[[Any, TracebackType | None], st
 }
 
 
-def near(name: str, known: Iterable[str]) -> str:
+def near(name: str, known: Iterable[str], cutoff: float = 0.7) -> str:
     """Return a question that offers the nearest name, or an empty text; `known` may be too long to list."""
-    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
+    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=cutoff)
     return f"did you mean '{close[0]}'?" if close else ""
+
+
+def _parameters(function: Any) -> list[str]:
+    try:
+        return [name for name in inspect.signature(function).parameters if name != "self"]
+    except (TypeError, ValueError):
+        return []
 
 
 def _signature(function: Any) -> str:
@@ -195,6 +213,8 @@ def _signature(function: Any) -> str:
 
 def _public(owner: object) -> list[str]:
     names = [*vars(owner)] if isinstance(owner, ModuleType) else dir(owner)
+    if isinstance(owner, ModuleType) and owner.__name__.startswith("snr_sim."):  # without what it imports
+        names = [name for name in names if getattr(getattr(owner, name), "__module__", "") == owner.__name__]
     return [name for name in {*names, *getattr(owner, "__all__", ())} if not name.startswith("_")]
 
 

@@ -158,7 +158,8 @@ class NodeLife:
         failure = self.node.inbox.failure
         if isinstance(failure, ComponentFailedError) and failure is not error:
             failures.append(failure)  # from a loop's thread, perhaps in its halt
-        self._note_overload()
+        if error is None:  # else, as after tasks without end, the queue is a result of the error
+            self._note_overload()
         first_added, lines = len(self.report.notes), list[str]()
         if not self.node.never_ran:
             ends = self.node.components, self.node.machine.lookup.seen_tasks(), self.node.datastore

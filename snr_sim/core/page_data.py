@@ -20,6 +20,18 @@ _CORE = Path(__file__).parent
 _FIX = "store numbers, text, lists, dicts, numpy arrays, or dataclasses of these."
 
 
+def check_key(key: Any, data: Any) -> None:
+    """Raise a TaskError unless a page can have this key."""
+    if isinstance(key, str):
+        return
+    found = f"the {type(key).__name__} {key!r}"[:80]
+    if isinstance(data, str):
+        fix = f"the key comes first: store_data_task({data!r}, ...)."
+    else:
+        fix = 'the key is text, and comes first: store_data_task("engine", {"throttle": 0.5}).'
+    raise TaskError(f"A page's key is {found}, which is not text.", fix=fix)
+
+
 def data_of_page(node: NodeApi, key: DataKey, data: Any) -> Any:
     """Return a copy of data for a page of a node; later changes of the original do not affect it.
 

@@ -78,6 +78,10 @@ def _never_called(
         else:
             verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "requested"
             near = _same_or_nearest(name, kind, seen, lambda key: find(key, components.values()), verb)
+            if kind is TaskType.event and name in datastore.pages:
+                near = (
+                    f"there is a page of that name: @handles({str(name)!r}), or (TaskType.process_data, {str(name)!r})."
+                )
             yield f"{waits} was never {verb}; {near}"
 
 

@@ -179,12 +179,23 @@ class _Reader(ast.NodeVisitor):
             self._source.gets.append(SourceLiteral(key, self._place(node)))
         elif name in _GETS and (declared := _argument(node, name, ast.Name)) in self._declared:
             self._source.gets.append(SourceLiteral(self._declared[declared], self._place(node)))
+        elif (page := self._page_of_get(node)) and isinstance(key, str):
+            self._source.fields.append((SourceLiteral(page, self._place(node)), key))
         elif name == "setattr":
             self._source.set_names.add(str(getattr(node.args[1], "value", "")) if len(node.args) > 1 else "")
         elif self._class and ast.unparse(node.func) in ("sys.exit", "exit", "quit"):
             fix = "return tasks.terminate('why'), so that everything is halted."
             self._report(node, "leaves the program, which ends the run as an error.", fix)
         self.generic_visit(node)
+
+    def _page_of_get(self, node: ast.Call) -> str:
+        """Return the key of the page of which a call asks a field by `.get(name)`; empty if it is another call."""
+        match node.func:
+            case ast.Attribute(value=ast.Name(id=variable), attr="get"):
+                return self._pages.get(variable, "")
+            case ast.Attribute(value=page, attr="get"):
+                return _key_of_get(page)
+        return ""
 
     def visit_Expr(self, node: ast.Expr) -> None:
         if self._class and isinstance(node.value, ast.Call) and _makes_task(node.value):

@@ -128,7 +128,10 @@ class SimulationRun:
             return self._referee.verdict
         if is_interrupted:
             return Verdict("interrupted", False)
-        return Verdict("ended" if any(node.is_terminated for node in self.nodes) else "timeout", False)
+        if any(node.is_terminated for node in self.nodes):
+            return Verdict("ended", False)
+        limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
+        return Verdict("timeout", False, f"the scenario had not come to an end by its TIME_LIMIT_S of {limit_s:g} s")
 
 
 def run_recorded(simulation: Simulation, path: Path) -> RunResult:

@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.hints import near
+from snr_sim.core.hints import NEAR_ATTRIBUTE, near
 from snr_sim.core.node import Node
 from snr_sim.core.page_writers import writers_of
 from snr_sim.core.run_diagnostics import NEXT_LINE, without_handlers
@@ -201,9 +201,16 @@ def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
                 continue
             for name, place, _ in source.own[kind.__name__]:
                 if name not in source.set_names and inspect.getattr_static(component, name, source) is source:
-                    fix = near(name, vars(component)) or f"set it in __init__, before it is used: self.{name} = ..."
+                    fix = (
+                        near(name, _public_names(component), NEAR_ATTRIBUTE)
+                        or f"set it in __init__, before it is used: self.{name} = ..."
+                    )
                     what = f"The component '{component.name}', a {kind.__name__}, has no attribute '{name}'"
                     yield finding(place, f"{what}, and nothing sets it.", fix)
+
+
+def _public_names(component: object) -> list[str]:
+    return [name for name in dir(component) if not name.startswith("_")]
 
 
 def _check_robot(simulation: Simulation, source: Source, unknown: set[str]) -> None:

@@ -98,10 +98,9 @@ def factories(robot):
 """
 
 
-def short(old: str, new: str) -> dict[str, Change]:
-    """Return a change of the controller in the short form, which must contain the old text."""
-    assert old in SHORT, old
-    return {"gentle.py": holds(SHORT.replace(old, new))}
+def short(*changes: str) -> dict[str, Change]:
+    """Return changes of the controller in the short form, as `put`."""
+    return {"gentle.py": lambda before: put(*changes)["gentle.py"](SHORT)}
 
 
 WATCHED = (*RUN, "--speed", "1000", "--watch")
@@ -287,6 +286,39 @@ MISTAKES = [
             short("Gentle.factory(hover=0.28)", "Gentle.factory(hover=0.28), Gentle.factory('other')")),
     Mistake(217, "a log message with too few values", ("line 16: ", "'gentle' logs", "as many values", "not enough arguments", "% marks"),
             short("        target_mps", '        self.log.warning("alt %d %s", 3)\n        target_mps'), is_before=False),
+    # What was found by trying a lesson's worth of mistakes in the short form
+    Mistake(301, "page and key swapped", ("line 18: ", "A page's key", "which is not text", "the dict", r"store_data_task\('engine', "),
+            short('"engine", Engine(min(max(throttle, 0.0), 1.0))', '{"throttle": 0.5}, "engine"'), is_before=False),
+    Mistake(302, "a tuple of key and data", ("line 14: ", "gentle.on_radar", "not a task", "a tuple with 'engine'", r"self.store_data_task\('engine'"),
+            short('self.store_data_task("engine", Engine(min(max(throttle, 0.0), 1.0)))', '("engine", {"throttle": 0.5})'), is_before=False),
+    Mistake(303, "self.parent is overwritten", ("line 17: ", "parent", "the component's node", "NoneType", "another name"),
+            short("        target_mps", '        self.parent = None\n        self.get_data("radar")\n        target_mps'), is_before=False),
+    Mistake(304, "an endpoint without its base class", ("line 22: ", "Gentle", "builds on", "no attribute 'factory'", r"class Gentle\(Endpoint\)"),
+            short("class Gentle(Endpoint)", "class Gentle")),
+    Mistake(305, "@handles(pages=...)", ("line 14: ", "handles", "It takes|it takes", "'pages'", "did you mean 'page'"),
+            short('@handles("radar")', '@handles(pages="radar")')),
+    Mistake(306, "a page handled as an event", ("line 14: ", "'gentle'", "a page of that name", "event 'radar'", r"@handles\('radar'\)"),
+            short('@handles("radar")', '@handles(event="radar")'), is_before=False),
+    Mistake(307, "a misspelt field in get()", ("line 16: ", "page 'radar'", "altitude_m, stamp_s, velocity_mps", "'altitude_ft'", "did you mean 'altitude_m'"),
+            short('radar["altitude_m"]', 'radar.get("altitude_ft", 0)')),
+    Mistake(308, "self.get_time()", ("line 17: ", "'gentle'", "nothing sets it", "'get_time'", "did you mean 'get_time_s'"),
+            short("self.hover", "0.0 * self.get_time()")),
+    Mistake(309, "self.logger", ("line 16: ", "'gentle'", "nothing sets it", "'logger'", "did you mean 'log'"),
+            short("        target_mps", '        self.logger.info("x")\n        target_mps')),
+    Mistake(310, "def lop in a Loop", ("line 21: ", "Beat", r"no method loop\(self\)", "is a Loop", "not lop"),
+            short("def factories", "class Beat(Loop):\n    def lop(self):\n        pass\n\n\ndef factories", "[Gentle.factory(hover=0.28)]", "[Beat.factory()]", "import Endpoint,", "import Endpoint, Loop,")),
+    Mistake(311, "__init__(self)", ("line 13: ", "Gentle|gentle", "positional argument", "4 were given", "as many arguments|def __init__"),
+            short("    hover = 0.28\n", "    hover = 0.28\n\n    def __init__(self):\n        pass\n")),
+    Mistake(312, "begin(self, x)", ("line 14: ", r"begin\(\) of Gentle", "without arguments", r"takes \(x\)", r"def begin\(self\)"),
+            short("    hover = 0.28\n", "    hover = 0.28\n\n    def begin(self, x):\n        pass\n")),
+    Mistake(313, "halt(self, why)", ("line 14: ", r"halt\(\) of Gentle", "without arguments", r"takes \(why\)", r"def halt\(self\)"),
+            short("    hover = 0.28\n", "    hover = 0.28\n\n    def halt(self, why):\n        pass\n")),
+    Mistake(314, "two components of one name", ("line 11: ", "'gentle'", "two components", "a Gentle and a Gentle", "a name of its own"),
+            short("Gentle.factory(hover=0.28)", "Gentle.factory(), Gentle.factory()")),
+    Mistake(315, "curly quotes", ("line 14: ", "gentle.py", "SyntaxError", "invalid character", "straight quotes"),
+            short('@handles("radar")', "@handles(\u201cradar\u201d)")),
+    Mistake(316, "tasks.store", ("line 18: ", "tasks", "store_page", "no attribute 'store'", "did you mean"),
+            short("self.store_data_task(", "tasks.store(", "import Endpoint,", "import Endpoint, tasks,"), is_before=False),
     Mistake(213, "a handler of the short form that stores its own trigger without end", ("line 14: ", "gentle.on_radar", "a Loop bring in", "executed 100000 tasks", "only when something has changed"),
             short('"engine", Engine(min(max(throttle, 0.0), 1.0))', '"radar", {**radar}'), is_before=False),
     Mistake(214, "a handler of the short form that returns a number", ("line 14: ", "gentle.on_radar", "not a task", "returned 0.", "a Task or a list"),
