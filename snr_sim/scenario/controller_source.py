@@ -138,6 +138,7 @@ class _Reader(ast.NodeVisitor):
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         before, self._class = self._class, node.name
+        self._source.own.setdefault(node.name, [])
         self.generic_visit(node)
         self._class = before
 

@@ -19,10 +19,11 @@ import msgspec
 
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.hints import NEAR_ATTRIBUTE, near
+from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
 from snr_sim.core.page_writers import writers_of
 from snr_sim.core.run_diagnostics import NEXT_LINE, without_handlers
-from snr_sim.core.source_location import short_path
+from snr_sim.core.source_location import class_location, location_of, short_path
 from snr_sim.devices.commands import command_of
 from snr_sim.devices.loops import CommandLoop, SensorLoop
 from snr_sim.prelude.errors import CommandError, ConfigError, suggest
@@ -32,6 +33,13 @@ from snr_sim.scenario.simulation import Simulation
 
 _LIBRARY_KEYS = ("recording", "reload", "add_component", "remove_component")
 _PREVIOUS = "_prev"
+MAX_USUAL_RATE_HZ = 10_000.0
+# What a node uses of a component that its author writes.
+_USED_OF_ENDPOINT = ("begin", "halt", "terminate", "join", "task_handlers", "optional_events")
+_USED_OF_LOOP = (
+    *("begin", "setup", "loop", "halt", "terminate", "join", "max_tick_rate_hz", "first_tick_after_s"),
+    *("next_tick_at_s", "wakes_on", "executor"),
+)
 
 
 def notes_before(simulation: Simulation, nodes: Sequence[Node], is_running: bool = False) -> list[str]:
@@ -199,6 +207,11 @@ def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
             kind = type(component)
             if kind.__name__ not in source.own or hasattr(kind, "__getattr__"):
                 continue
+            if isinstance(component, (Endpoint, Loop)):
+                yield from _misnamed(component, source)
+            if isinstance(component, Loop) and component.max_tick_rate_hz > MAX_USUAL_RATE_HZ:
+                what = f"The loop '{component.name}' ticks {component.max_tick_rate_hz:g} times a second."
+                yield finding(class_location(kind), what, "50 Hz suffice for most; a simulation executes every tick.")
             for name, place, _ in source.own[kind.__name__]:
                 if name not in source.set_names and inspect.getattr_static(component, name, source) is source:
                     fix = (
@@ -207,6 +220,22 @@ def _of_components(nodes: Sequence[Node], source: Source) -> Iterator[str]:
                     )
                     what = f"The component '{component.name}', a {kind.__name__}, has no attribute '{name}'"
                     yield finding(place, f"{what}, and nothing sets it.", fix)
+
+
+def _misnamed(component: Endpoint | Loop, source: Source) -> Iterator[str]:
+    """Yield the names in a component's own class that nothing uses and that are nearly those that its node uses."""
+    used = _USED_OF_LOOP if isinstance(component, Loop) else _USED_OF_ENDPOINT
+    read = {name for reads in source.own.values() for name, _, _ in reads}
+    kind = type(component)
+    for name, member in vars(kind).items():
+        if name.startswith("_") or name in used or name in read:
+            continue
+        place = location_of(member) or class_location(kind)
+        if name in _USED_OF_LOOP and not isinstance(component, Loop):
+            what = f"{kind.__name__} is an Endpoint, and nothing uses its {name}: a Loop has one."
+            yield finding(place, what, f"class {kind.__name__}(Loop), or a handler that is called with a page.")
+        elif close := difflib.get_close_matches(name, used, n=1, cutoff=0.8):
+            yield finding(place, f"Nothing uses {name} of {kind.__name__}.", f"did you mean '{close[0]}'?")
 
 
 def _public_names(component: object) -> list[str]:

@@ -103,6 +103,18 @@ def short(*changes: str) -> dict[str, Change]:
     return {"gentle.py": lambda before: put(*changes)["gentle.py"](SHORT)}
 
 
+def beat(body: str) -> dict[str, Change]:
+    """Return a change that adds a Loop with this body."""
+    new = f"class Beat(Loop):\n{body}\n\ndef factories"
+    names = (
+        "[Gentle.factory(hover=0.28)]",
+        "[Gentle.factory(hover=0.28), Beat.factory()]",
+        "import Endpoint,",
+        "import Endpoint, Loop,",
+    )
+    return short("def factories", new, *names)
+
+
 WATCHED = (*RUN, "--speed", "1000", "--watch")
 MISTAKES = [
     Mistake(1, "handler of page 'rader'", ("line 12: ", "page 'rader'", "Stored are: .*radar", "'rader'", "did you mean 'radar'"),
@@ -319,6 +331,13 @@ MISTAKES = [
             short('@handles("radar")', "@handles(\u201cradar\u201d)")),
     Mistake(316, "tasks.store", ("line 18: ", "tasks", "store_page", "no attribute 'store'", "did you mean"),
             short("self.store_data_task(", "tasks.store(", "import Endpoint,", "import Endpoint, tasks,"), is_before=False),
+    Mistake(317, "max_tick_rate in a Loop", ("line 21: ", "Beat", "max_tick_rate_hz", "Nothing uses max_tick_rate ", "did you mean 'max_tick_rate_hz'"),
+            beat("    max_tick_rate = 10\n\n    def loop(self):\n        pass\n")),
+    Mistake(318, "a rate of a million", ("line 21: ", "'beat'", "50 Hz suffice", "ticks 1e\\+06 times", "every tick"),
+            beat("    max_tick_rate_hz = 1e6\n    first_tick_after_s = 1e6\n\n    def loop(self):\n        pass\n")),
+    *[Mistake(319 + i, f"def {name} in an Endpoint", ("line 14: ", name, expected, f"Nothing uses|nothing uses its {name}", fix),
+              short("    hover = 0.28\n", f"    hover = 0.28\n\n    def {name}(self):\n        pass\n"))
+      for i, (name, expected, fix) in enumerate([("loop", "a Loop has one", "class Gentle"), ("setup", "a Loop has one", "class Gentle"), ("beginn", "begin", "did you mean 'begin'")])],
     Mistake(213, "a handler of the short form that stores its own trigger without end", ("line 14: ", "gentle.on_radar", "a Loop bring in", "executed 100000 tasks", "only when something has changed"),
             short('"engine", Engine(min(max(throttle, 0.0), 1.0))', '"radar", {**radar}'), is_before=False),
     Mistake(214, "a handler of the short form that returns a number", ("line 14: ", "gentle.on_radar", "not a task", "returned 0.", "a Task or a list"),

@@ -65,7 +65,7 @@ def test_lab_files_have_no_findings(is_solved: bool, tmp_path: Path) -> None:
     ("old", "new"),
     [
         ('self.get_data("radar")', 'self.get_data("ra" + "dar")'),
-        ("radar[", 'radar.get("altitude_n", 0.0) + radar['),
+        ("radar[", 'radar.get("altitude_m", 0.0) + radar['),
         ("        radar =", '        key = "wind"\n        self.store_data(key, 1.0)\n        self.get_data("wind")\n        radar ='),
         ("        radar =", '        self.store_data("wind", 1.0)\n        self.get_data("wind")\n        radar ='),
         ("        radar =", '        self.get_data("radar_prev")\n        self.get_data("link_tether")\n        radar ='),
