@@ -43,9 +43,11 @@ def check(
         raise UnknownNameError(what, fix="name the folder with your files.")
     missing = [file for file in found.files if not (folder / file).is_file()]
     if missing:
+        begin = f"begin: snr new lab {lab}"
+        if len(missing) < len(found.files):  # the folder is one of this lab, so `snr new lab` would refuse it
+            begin = f"copy it again: {found.folder}/starter/{missing[0]}"
         raise UnknownNameError(
-            f"There is no {missing[0]} in {folder.resolve()}.",
-            fix=f"name the folder with your files; or begin: snr new lab {lab}",
+            f"There is no {missing[0]} in {folder.resolve()}.", fix=f"name the folder with your files; or {begin}"
         )
     for note in notes_on_files([folder / file for file in found.files if file.endswith(".py")]):
         print_note(note)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -98,7 +99,10 @@ def _exit_with_message(error: BaseException) -> None:
 
 
 def _number_message(error: Any, message: str) -> str:
-    """Return snr_sim's message for an invalid number in an option; for other errors, typer's message."""
+    """Return snr_sim's message for an invalid number or a file without its option; for other errors, typer's."""
+    extra = re.search(r"extra argument.* \((\S+\.py)\)", message)
+    if extra is not None and _verb() in ("run ", "resim "):
+        return f"{message}\n  Try: --controller ./{extra[1].removeprefix('./')}"
     parameter = getattr(error, "param", None)
     expected = next((ours for theirs, ours in _NUMBERS.items() if theirs in message), None)
     for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):

@@ -35,6 +35,9 @@ def trace(
     nodes = recorded.header.nodes
     if node and node not in nodes and f"{node}_node" not in nodes:
         raise UnknownNameError(f"This run has no node '{node}'.", fix=suggest(node, nodes))
+    names = {str(one) for record in recorded.records if (one := getattr(record, "name", ""))}
+    if name and not any(fnmatchcase(one, name) for one in names):
+        raise UnknownNameError(f"This run has no tasks or pages '{name}'.", fix=suggest(name, names))
     for record in recorded.records:
         config: Any = record.__struct_config__
         if kind and config.tag != kind:

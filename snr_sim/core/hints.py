@@ -90,6 +90,8 @@ def _of_name(error: Any, trace: TracebackType | None) -> str:
 
 def about_name(name: str, known: Iterable[str], owner: object = None) -> str:
     """Return a fix for an undefined name; `owner` is the `self` of its function."""
+    if name in ("exit", "quit"):
+        return "leave it out: a file ends by itself, and a component ends the run with tasks.terminate('why')."
     if name in _public(sys.modules.get("snr_sim")):
         return f"add at the top: from snr_sim import {name}."
     if owner is not None and name in dir(owner):

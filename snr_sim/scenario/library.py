@@ -237,6 +237,12 @@ def robot_of_scenario(found: FoundItem) -> str:
                 | ast.AnnAssign(target=ast.Name(id="ROBOT"), value=ast.Constant(value=str(robot)))
             ):
                 return robot
+    if any(isinstance(node, ast.FunctionDef) and node.name == "factories" for node in tree.body):
+        place = short_path(str(found.path))
+        raise ConfigError(
+            f"{place} is a controller, as it has factories(robot); a scenario's file says which robot it is for.",
+            fix=f"name a scenario, and the controller by its option: snr run lander_vertical --controller ./{place}",
+        )
     raise ConfigError(
         f"{short_path(str(found.path))} does not say which robot it is for.", fix="add: ROBOT = 'lander'."
     )
@@ -479,6 +485,7 @@ class _FreshLoader(SourceFileLoader):
     def source_to_code(self, data: Any, path: Any, **options: Any) -> Any:  # type: ignore[override]
         """Return the code of a source."""
         source_files().check(Path(path), data)
+        importlib.util.decode_source(data)  # as Python itself requires; to compile bytes does not look at comments
         return super().source_to_code(data, path, **options)
 
     def path_stats(self, path: Any) -> Any:

@@ -115,6 +115,11 @@ def beat(body: str) -> dict[str, Change]:
     return short("def factories", new, *names)
 
 
+def latin(before: str) -> str:
+    """Return a text that is written as Latin-1."""
+    return "# caf\udce9\n" + before
+
+
 WATCHED = (*RUN, "--speed", "1000", "--watch")
 MISTAKES = [
     Mistake(1, "handler of page 'rader'", ("line 12: ", "page 'rader'", "Stored are: .*radar", "'rader'", "did you mean 'radar'"),
@@ -269,6 +274,14 @@ MISTAKES = [
             put("return self.store_data_task", "self.store_data_task")),
     Mistake(118, "an assignment into a page", ("line 16: ", r"on_radar\(\) of Gentle", "that it reads", "changes the page 'radar'", r"radar = dict\(radar\)"),
             put(RADAR, RADAR + '        radar["altitude_m"] = 0.0\n')),
+    Mistake(119, "a controller in the place of a scenario", ("gentle.py", "gentle.py", "scenario's file says", "is a controller", r"--controller ./gentle.py"),
+            words=("run", "./gentle.py")),
+    Mistake(120, "a controller without its option", ("gentle.py", "gentle.py", "--controller", "extra argument", r"--controller ./gentle.py"),
+            words=("run", "lander_vertical", "gentle.py")),
+    Mistake(121, "a misspelt name for snr trace", ("radr", "tasks or pages", "One of: |radar", "no tasks or pages 'radr'", "did you mean 'radar'"),
+            then=("trace", "{run}", "--name", "radr")),
+    Mistake(122, "a file that is not UTF-8", ("line 1: ", "gentle.py", "not Python source", "0xe9", "UTF-8"),
+            {"gentle.py": latin}, is_before=True),
     # The short form
     Mistake(201, "@handles page 'rader'", ("line 14: ", "page 'rader'", "Stored are: .*radar", "'rader'", "did you mean 'radar'"),
             short('@handles("radar")', '@handles("rader")')),

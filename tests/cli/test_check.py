@@ -153,3 +153,12 @@ def test_source_errors_are_reported_with_line(here: Path, lab: Path, snr: Any) -
     assert place.startswith("note: mine.py, line ")
     assert words.startswith("  on_radar() of Coast makes a task there and drops it")
     assert fix.startswith("  Try: return self.store_data_task(")
+
+
+def test_missing_file_in_a_labs_folder_is_to_be_copied_again(here: Path, snr: Any) -> None:
+    snr("new", "lab", "hello_thruster")
+    (here / "hello_thruster" / "wiring.py").unlink()
+    answer = snr("check", "hello_thruster", "hello_thruster")
+    assert "There is no wiring.py" in answer.err
+    assert "copy it again: " in answer.err
+    assert "/starter/wiring.py" in answer.err

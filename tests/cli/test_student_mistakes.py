@@ -33,7 +33,7 @@ def output_of(mistake: Mistake, snr: Snr, here: Path) -> str:
     (here / "gentle.py").write_text(GENTLE)
     for name, change in mistake.files.items():
         path = here / name
-        path.write_text(change(path.read_text() if path.exists() else ""))
+        path.write_text(change(path.read_text() if path.exists() else ""), errors="surrogateescape")
     answer = snr(*mistake.words)
     if mistake.then:
         run = next(iter((here / "runs").iterdir()), None) if (here / "runs").is_dir() else None

@@ -115,7 +115,7 @@ class ModuleReload:
         """Execute the new code in the module, as Python does at the first import; if it raises, undo that and raise."""
         path = str(self.module.__file__)
         source_files().check(Path(path), self._source)
-        tree = ast.parse(self._source, path)
+        tree = ast.parse(decode_source(self._source), path)
         if self.module.__name__ == "__main__":
             tree = ast.fix_missing_locations(_NotMain().visit(tree))
         code = compile(tree, path, "exec", dont_inherit=True)

@@ -159,9 +159,8 @@ class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
                 text, "What your program gives there is not what is asked for: compare it with the lab's page."
             )
         if self.step == "load":
-            return SubmissionError(
-                text, "Your file could not be read to its end: run it with Python, and look at the line named."
-            )
+            then = "look at the line named." if self.fix else "run it with Python, and look at the line named."
+            return SubmissionError(text, f"Your file could not be read to its end: {then}")
         return SubmissionError(text, "Your program raised an error: look at the line named.")
 
 
