@@ -22,7 +22,7 @@ REPORT_AFTER_S = 5.0  # a large package takes some seconds to import
 REPORT_PERIOD_S = 10.0
 
 _FIX = (
-    "what stands at the top level of a file, in factories() and in __init__() ends at once. What is to happen again is "
+    "what is at the top level of a file, in factories() and in __init__() ends at once. What is to happen again is "
     "a Loop's work, at its max_tick_rate_hz. Ctrl-C ends the program."
 )
 

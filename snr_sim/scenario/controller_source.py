@@ -122,10 +122,15 @@ class _Reader(ast.NodeVisitor):
                     bound.add(name)
                 case ast.alias(name=str(name), asname=other):
                     bound.add(other or name.partition(".")[0])
+        places: dict[str, list[SourceLocation]] = {}
         for name, place, _ in self._names:
             if name not in bound:
-                fix = about_name(name, bound, Endpoint)
-                self._source.plain.append(finding(place, f"Nothing gives {name} a value.", fix))
+                places.setdefault(name, []).append(place)
+        for name, (first, *others) in places.items():
+            lines = ", ".join(dict.fromkeys(str(place.line) for place in others if place.line != first.line))
+            also = f" It is used in line {lines}, too." if lines else ""
+            what = f"Nothing gives {name} a value.{also}"
+            self._source.plain.append(finding(first, what, about_name(name, bound, Endpoint)))
 
     def _place(self, node: ast.expr | ast.stmt) -> SourceLocation:
         source = self._lines[node.lineno - 1].strip() if node.lineno <= len(self._lines) else ""

@@ -258,7 +258,7 @@ def noop(task: Task, task_id: Any) -> None:
 @pytest.mark.parametrize(("others", "is_noted"), [(0, False), (1, True)])
 @pytest.mark.parametrize("data", [{"altitude_m": 5.0, "path": [1]}, [5.0]])
 def test_handler_that_changes_its_page_is_noted_if_others_handle_it(data: Any, others: int, is_noted: bool) -> None:
-    def spoil(task: Task, task_id: Any) -> None:
+    def change(task: Task, task_id: Any) -> None:
         assert task.page is not None
         if isinstance(data, dict):
             task.page.data["path"].append(2)
@@ -273,13 +273,13 @@ def test_handler_that_changes_its_page_is_noted_if_others_handle_it(data: Any, o
     readers = [FunctionEndpointFactory({radar: read}, "reader")] * others
     node = Node(
         "r",
-        Config(factories={"r": [start, FunctionEndpointFactory({radar: spoil}, "spoiler"), *readers]}),
+        Config(factories={"r": [start, FunctionEndpointFactory({radar: change}, "writer"), *readers]}),
         clock=SimClock(),
     )
     node.loop()
     notes = [note for note in node.notes if "changes the page 'radar' that it reads" in note]
     assert len(notes) == is_noted
     for note in notes:
-        assert note.splitlines()[0].endswith(": def spoil(task: Task, task_id: Any) -> None:")
-        assert "spoil() of 'spoiler'" in note
+        assert note.splitlines()[0].endswith(": def change(task: Task, task_id: Any) -> None:")
+        assert "change() of 'writer'" in note
         assert "radar = dict(radar)" in note

@@ -24,7 +24,7 @@ def test_code_that_does_not_return_is_reported_with_its_line(seconds: float, cou
         assert "test_slow_start.py, line 1" in first
         assert first.endswith(": watch.check()")
         assert what.startswith("  factories() has not returned for ")
-        assert fix.startswith("  Try: what stands at the top level of a file")
+        assert fix.startswith("  Try: what is at the top level of a file")
 
 
 def test_code_that_returns_is_counted_from_its_next_call() -> None:

@@ -80,6 +80,14 @@ def test_ambiguous_code_has_no_findings(tmp_path: Path, old: str, new: str) -> N
     assert notes_on(own(tmp_path, GENTLE.replace(old, new, 1)), "lander_vertical") == []
 
 
+def test_misspelt_name_that_is_used_often_is_one_finding(tmp_path: Path) -> None:
+    text = "def pulse_us(heave):\n    return heave\n\n\nONE = pulses_us(0)\nTWO = pulses_us(1)\nTHREE = pulses_us(2)\n"
+    (note,) = notes_on_files([own(tmp_path, text)])
+    assert "line 5: ONE = pulses_us(0)" in note
+    assert "Nothing gives pulses_us a value. It is used in line 6, 7, too." in note
+    assert "did you mean 'pulse_us'?" in note
+
+
 def test_deeply_nested_source_has_no_findings(tmp_path: Path) -> None:
     deep = "DEEP = " + " + ".join(["1"] * 700) + "\n"
     assert notes_on(own(tmp_path, deep + GENTLE.replace("altitude_m", "altitude_n")), "lander_vertical") == []
