@@ -49,6 +49,7 @@ class Part(Endpoint):
 
     def begin(self):
         self.schedule(tasks.event("begun", [self.name]))
+        return tasks.event("returned_by_begin")
 
     def on_event(self, task, task_id):
         self.get_data("never_stored")
@@ -88,6 +89,7 @@ class Tick(Loop):
             self.next_tick_at_s = self.get_time_s() + 0.031
         if self.count > 40:
             self.stop()
+        return [tasks.event("returned_by_loop")]
 """
 
 

@@ -162,6 +162,7 @@ def test_a_time_limit_ends_a_run(scenario: Scenario) -> None:
     fields = record()
     assert (fields["outcome"], fields["success"]) == ("timeout", False)
     assert fields["sim_time_s"] == pytest.approx(3.0, abs=0.1)
+    assert "timeout: the scenario had not come to an end by its TIME_LIMIT_S of 3 s." in fields["notes"]
 
 
 def test_non_finite_numbers_become_null_in_json(scenario: Scenario, tmp_path: Path) -> None:
