@@ -233,7 +233,8 @@ class NodeLife:
                 returned = self.node.profiler.time(f"{loop.name}.{step}", function)
             else:
                 returned = function()
-            schedule_returned(returned, loop, function)
+            if returned is not None:  # tested here too, since this is called at each tick
+                schedule_returned(returned, loop, function)
         except (Exception, SystemExit) as error:
             failure = self.report.failure_of(loop, error, step)
             if not (failure.suspects and self.blame_suspects(failure)):
