@@ -15,6 +15,7 @@ import typer
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json
 from snr_sim.cli.plain_console import plain_console
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import SnrError
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def _cores() -> int:
 
 
 def _print_note(words: str) -> None:
-    print(words, file=sys.stderr)
+    print_line(sys.stderr, words)
 
 
 @contextmanager

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
+from snr_sim.core.standard_streams import print_line
+
 if TYPE_CHECKING:
     from snr_sim.recording.reader import Trace
 
@@ -24,7 +26,7 @@ def print_json(fields: dict[str, Any]) -> None:
 
 def print_note(text: str) -> None:
     """Print a note to the user in addition to the result."""
-    print(f"note: {text}", file=sys.stderr, flush=True)
+    print_line(sys.stderr, f"note: {text}")
 
 
 def print_warnings(trace: Trace, before: str = "") -> None:

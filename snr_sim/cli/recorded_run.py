@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from snr_sim.cli.output import capture_output, print_note
 from snr_sim.cli.plain_console import progress
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, TraceError
 
 if TYPE_CHECKING:
@@ -99,9 +100,9 @@ def record_run(
             foreseen = notes_before(simulation, run.nodes) if isinstance(run, SimulationRun) else []
             undo.pop_all()
         for line in [] if is_json else start_lines:
-            print(line, flush=True)
+            print_line(sys.stdout, line)
         for line in [] if alone is None else alone.start_lines():
-            print(line, file=sys.stderr, flush=True)
+            print_line(sys.stderr, line)
         for note in foreseen:
             print_note(note)
         result = _run_to_end(run, signals, recorder)
@@ -178,7 +179,7 @@ def _pace_for_manual_pilot(config: Config, roles: list[str], pace: float | None)
     is_manual = any(isinstance(factory, GamepadLoopFactory) for role in roles for factory in config.get(role))
     if pace is not None or not is_manual:
         return pace
-    print("A person steers, so this run takes as long as it says, as with --speed real.", file=sys.stderr)
+    print_line(sys.stderr, "A person steers, so this run takes as long as it says, as with --speed real.")
     return 1.0
 
 
@@ -270,7 +271,7 @@ def _print_result(fields: dict[str, Any], result: RunResult, is_json: bool, prin
     for note in [note for note in result.notes if note not in printed]:
         print_note(note)
     if result.error:
-        print(result.error, file=sys.stderr)
+        print_line(sys.stderr, result.error)
     if is_json:
         return
     speed = result.sim_time_s / result.wall_time_s if result.wall_time_s > 0 else 0.0

@@ -13,6 +13,7 @@ from snr_sim.cli.arguments import AsJson, RecordedRun
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import capture_output, print_json, print_note
 from snr_sim.cli.trust import Trust, ask
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import MissingExtraError, SnrError
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def replay(
     plan = files_of_replay(trace, with_file)
     ask(trace.path.parent, plan.unknown, trust)
     if plan.executed and not as_json:
-        print(f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}", file=sys.stderr)
+        print_line(sys.stderr, f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}")
     with capture_output(is_json=True):  # keeps output of handlers out of the result
         done = _replay(trace, plan, with_file, tolerances, check)
     if with_file:
