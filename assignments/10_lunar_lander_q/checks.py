@@ -101,7 +101,10 @@ def encodes(student: Student, case: Seed) -> Verdict:
                 f"{speeds[folded[0]]:g} and {speeds[folded[1]]:g} m/s are state {states[folded[1]]}",
             )
     heights = [0.3 * 1.1**i for i in range(88)]
-    if len(set(pilot.ask("encode", heights, [-5.0] * len(heights), returns=list[int]))) < 2:
+    states = pilot.ask("encode", heights, [-5.0] * len(heights), returns=list[int])
+    if len(states) != len(heights):
+        return failed(f"encode() returns {len(states)} states for {len(heights)} heights.")
+    if len(set(states)) < 2:
         return failed("encode() returns the same state for all heights: at -5 m/s, 0.3 m and 1300 m are one state.")
     return passed()
 
