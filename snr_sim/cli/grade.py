@@ -215,7 +215,7 @@ def _print_summary(folder: ClassFolder, submissions: list[Submission], summary: 
 
 
 def _fields(folder: ClassFolder, summary: Summary) -> dict[str, Any]:
-    from snr_sim.prelude.plain_text import plain
+    from snr_sim.prelude.text import plain
 
     return {
         "out": str(folder.path),

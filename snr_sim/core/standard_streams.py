@@ -8,7 +8,7 @@ import threading
 from contextlib import suppress
 from typing import TextIO
 
-from snr_sim.prelude.plain_text import visible
+from snr_sim.prelude.text import visible
 
 _printing = threading.Lock()
 

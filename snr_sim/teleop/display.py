@@ -16,8 +16,8 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.standard_streams import print_line
 from snr_sim.devices.terminal_keys import has_terminal
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.plain_text import one_line
 from snr_sim.prelude.recorder import RECORDING_KEY
+from snr_sim.prelude.text import one_line
 
 # Of each row its name, its text, and rich's style of the text or "": texts come over a wire, so none is markup.
 Rows = list[tuple[str, str, str]]

@@ -1,13 +1,13 @@
 """Untrusted text escaped for Markdown and for tables: a student's program may print anything.
 
-Characters that a browser or a spreadsheet would interpret are escaped, after those of `prelude/plain_text.py`.
+Characters that a browser or a spreadsheet would interpret are escaped, after those of `prelude/text.py`.
 """
 
 from __future__ import annotations
 
 import re
 
-from snr_sim.prelude.plain_text import one_line, plain
+from snr_sim.prelude.text import one_line, plain
 
 _MARKDOWN = re.compile(r"([\\`*_\[\]<>|#~&!@])")
 _FORMULA = ("=", "+", "-", "@", "\t", "|", "%")

@@ -20,7 +20,7 @@ from snr_sim.grading.reports.plain import cell, fenced, markdown
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
 from snr_sim.grading.reports.services import check50, gradescope_results, junit
 from snr_sim.grading.reports.student_page import student_page
-from snr_sim.prelude.plain_text import plain
+from snr_sim.prelude.text import plain
 
 FOR_STUDENTS: dict[str, Callable[[Graded], str]] = {
     "markdown": student_page,
