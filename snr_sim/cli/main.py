@@ -28,7 +28,7 @@ app: typer.Typer = typer.Typer(
 
 def _print_version(is_requested: bool) -> None:
     if is_requested:
-        print(f"snr_sim {__version__}")
+        print(f"snr_sim {__version__}")  # noqa: T201
         raise typer.Exit()
 
 

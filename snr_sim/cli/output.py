@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.standard_streams import print_line
+from snr_sim.prelude.text import visible, visible_json
 
 if TYPE_CHECKING:
     from snr_sim.recording.reader import Trace
@@ -21,7 +22,17 @@ def print_json(fields: dict[str, Any]) -> None:
     """Print the single object of --json."""
     from snr_sim.recording.folder import as_json
 
-    print(as_json(fields))
+    print_encoded(as_json(fields))
+
+
+def print_text(text: object = "", end: str = "\n", flush: bool = False) -> None:
+    """Print a part of the result. What a terminal would interpret is shown as escapes: runs may come from others."""
+    print(visible(str(text)), end=end, flush=flush)  # noqa: T201 the one for texts
+
+
+def print_encoded(text: str, end: str = "\n") -> None:
+    """Print JSON; what a terminal would interpret is escaped, which leaves its values the same."""
+    print(visible_json(text), end=end)  # noqa: T201 the one for JSON
 
 
 def print_note(text: str) -> None:

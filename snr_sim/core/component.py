@@ -17,6 +17,7 @@ from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.snapshot import IMMUTABLE
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
+from snr_sim.prelude.text import visible
 
 if TYPE_CHECKING:
     import numpy as np
@@ -139,9 +140,10 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
     def log(self, level: int, msg: object, *args: object, **options: Any) -> None:
         """Record and show a message; the other methods call this one."""
         if level >= logging.INFO:
-            self._component.parent.record_text(
-                self._component.name, logging.getLevelName(level), f"{_text_of(msg, args)}\n"
-            )
+            text = _text_of(msg, args)
+            self._component.parent.record_text(self._component.name, logging.getLevelName(level), f"{text}\n")
+            if visible(text) != text:  # of a peer's page, perhaps, and for a terminal
+                msg, args = visible(text), ()
         options["stacklevel"] = options.get("stacklevel", 1) + 1
         super().log(level, msg, *args, **options)
 

@@ -5,7 +5,9 @@ Invisible characters, and those that a terminal would interpret, are shown as es
 
 from __future__ import annotations
 
+import json
 import unicodedata
+from collections.abc import Callable
 
 _KEPT = "\n\t\u200c\u200d"  # the last two join letters in Persian and Indian scripts, and emoji
 _HIDDEN = {"Cc", "Cf", "Cs", "Cn", "Co", "Zl", "Zp"}
@@ -17,13 +19,24 @@ def visible(text: str) -> str:
     >>> print(visible("red \\x1b[31m, back \\u202e, bell \\a, half \\ud800"))
     red \\x1b[31m, back \\u202e, bell \\x07, half \\ud800
     """
-    # `isprintable` is in C, and true of almost every line.
-    return text if text.isprintable() else "".join(map(_visible, text))
+    return _with_escapes(text, lambda char: char.encode("unicode_escape").decode())
 
 
-def _visible(char: str) -> str:
-    is_seen = char in _KEPT or unicodedata.category(char) not in _HIDDEN
-    return char if is_seen else char.encode("unicode_escape").decode()
+def visible_json(text: str) -> str:
+    """Return JSON of the same value in which all that is there can be seen.
+
+    >>> print(visible_json('"\\x9b2J"'))
+    "\\u009b2J"
+    """
+    return _with_escapes(text, lambda char: json.dumps(char)[1:-1])
+
+
+def _with_escapes(text: str, escape: Callable[[str], str]) -> str:
+    if text.isprintable():  # in C, and so it is for almost every line
+        return text
+    return "".join(
+        char if char in _KEPT or unicodedata.category(char) not in _HIDDEN else escape(char) for char in text
+    )
 
 
 def plain(text: str, limit: int = 4000) -> str:
