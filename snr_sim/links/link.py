@@ -302,7 +302,7 @@ class Link(RestartingLoop):
             self._is_full = True
             fix = "accept=[...] names the keys to take."
             self.log.warning(
-                "'%s' takes %d different keys. %r is dropped, and all further. %s", self.name, MAX_KEYS, key, fix
+                "'%s' takes %d different keys. %.80r is dropped, and all further. %s", self.name, MAX_KEYS, key, fix
             )
         return False
 
