@@ -56,7 +56,7 @@ def weighed(m: Any, value: Any) -> Any:
 
 def counted(m: Any, function: Callable[..., Any], *values: Any, **options: Any) -> Any:
     """Call a function of Python, and count what it looks through and returns."""
-    if function is number_sum and len(values) > 1:
+    if function is number_sum and (len(values) != 1 or options):
         raise BlockError("sum() takes one value here: numbers.")
     for value in values:
         sized(m, value)

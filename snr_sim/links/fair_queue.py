@@ -44,8 +44,8 @@ class FairQueue(Generic[Frame]):
         self._count += 1
         # Rarely more than one turn: each frame that arrives displaces as much as it brings.
         while self._count > 1 and (self._count > self._max_pages or self._total_bytes > self._max_bytes):
-            most = max(self._bytes, key=lambda one: (self._bytes[one], len(self._frames[one])))
-            self._remove(most, is_newest=self._policy == "refuse")
+            fullest = max(self._bytes, key=lambda one: (self._bytes[one], len(self._frames[one])))
+            self._remove(fullest, is_newest=self._policy == "refuse")
             self.dropped += 1
 
     def take(self, max_bytes: int) -> list[Frame]:
