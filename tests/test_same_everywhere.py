@@ -14,7 +14,11 @@ import pytest
 import snr_sim
 
 ROOT = Path(snr_sim.__file__).parents[1]
-FOLDERS = [*(f"snr_sim/{room}" for room in ("prelude", "core", "std_mods", "devices", "plants")), "robots", "scenarios"]
+FOLDERS = [
+    *(f"snr_sim/{room}" for room in ("prelude", "core", "std_mods", "devices", "plants", "behaviors")),
+    "robots",
+    "scenarios",
+]
 REASON = re.compile(r"# (exact: (integers|fractions)|decides no run: \w+)")
 
 # Python 3.12 made `sum` of floats compensated, and built `statistics.fmean` with weights on it.
@@ -56,11 +60,15 @@ def adds_counts(call: ast.Call) -> bool:
 def found_in(source: str) -> Iterator[tuple[int, str]]:
     """Yield line and message of each operation that may round differently elsewhere."""
     lines = source.splitlines()
-    for node in ast.walk(ast.parse(source)):
+    tree = ast.parse(source)
+    called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    for node in ast.walk(tree):
         message = ""
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in OF_PYTHON:
             if node.func.id != "sum" or not adds_counts(node):
                 message = f"{node.func.id}() differs between versions of Python: use {OF_PYTHON[node.func.id]}"
+        elif isinstance(node, ast.Name) and node.id in OF_PYTHON and id(node) not in called:  # handed on, or in a table
+            message = f"{node.id} differs between versions of Python: use number_sum of prelude/sums.py"
         elif isinstance(node, (ast.BinOp, ast.AugAssign)) and isinstance(node.op, ast.MatMult):
             message = "`@` differs between processors: use plants/matrices.py, or write it out"
         elif isinstance(node, ast.Attribute) and node.attr in OF_BLAS:
@@ -93,6 +101,8 @@ def test_no_operation_that_decides_a_run_rounds_differently_elsewhere() -> None:
         "sum(values)",
         "sum(a * b for a, b in pairs)",
         "sum(map(abs, values))",
+        "FUNCTIONS = {'sum': sum}",
+        "map(sum, rows)",
         "turn @ place",
         "turn @= place",
         "np.linalg.inv(mass)",

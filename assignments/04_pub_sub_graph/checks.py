@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import math
 import random
 from collections.abc import Sequence
@@ -22,9 +21,10 @@ from snr_sim.grading import (
     passed,
     require_field,
 )
-from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
 from snr_sim.recording import encode_value
 from snr_sim.scenario import load_program
+
+from .grader.shared_state import find_shared_state
 
 laws: Any = load_program(str(Path(__file__).parent / "starter" / "laws.py"))  # the mathematics is given, so it is ours
 
@@ -352,18 +352,18 @@ def in_any_order(student: Student, case: Order) -> Verdict:
 @check(points=12, visible=MODULES)
 def apart(student: Student, file: str) -> Verdict:
     """Modules share pages only: no shared objects, no access to components of another module"""
-    tree = tree_of(student, file)
+    found = student.parse(file, find_shared_state)
+    if "error" in found:
+        where = file if found["line"] is None else f"{file}, line {found['line']}"
+        hint = f"{file} could not be parsed: run it with Python, and correct the line that it names."
+        raise SubmissionError(f"{where}: {found['error']}", hint)
     may = {"laws", "heading"} if file == "gentle.py" else {"laws"}
-    beside = {path.stem for path in student.folder.glob("*.py")}
-    for node in ast.walk(tree):
-        found = _shared(node, beside - may)
-        if found:
-            return failed(
-                f"{file}, line {getattr(node, 'lineno', 0)}: {found}", expected="pages", actual="shared state"
-            )
-    kept = _kept_outside(tree)
-    if kept:
-        name, line = kept
+    beside = {path.stem for path in student.folder.glob("*.py")} - may
+    for line, kind, name in found["shares"]:
+        if kind != "import" or name.partition(".")[0] in beside:
+            return failed(f"{file}, line {line}: {SHARES[kind].format(name)}", expected="pages", actual="shared state")
+    if found["keeps"]:
+        line, name = found["keeps"]
         return failed(
             f"{file}, line {line}: '{name}' is defined outside of every object and is changed: two vehicles in one "
             "program would share it. Keep it in self.",
@@ -373,75 +373,11 @@ def apart(student: Student, file: str) -> Verdict:
     return passed()
 
 
-def tree_of(student: Student, file: str) -> ast.Module:
-    """Return the syntax tree of a program.
-
-    Raises:
-        SubmissionError: it cannot be parsed.
-    """
-    try:
-        return ast.parse(student.source(file, MAX_PARSED_BYTES))
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        line = getattr(error, "lineno", None)
-        where = file if line is None else f"{file}, line {line}"
-        hint = f"{file} could not be parsed: run it with Python, and correct the line that it names."
-        raise SubmissionError(f"{where}: {error}", hint) from None
-
-
-def _shared(node: ast.AST, others: set[str]) -> str:
-    names = []
-    if isinstance(node, ast.Import):
-        names = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom):
-        names = [node.module or ""]
-    for name in names:
-        if name.partition(".")[0] in others:
-            return f"it imports {name}. Then this module cannot be used without that one."
-    if isinstance(node, ast.Attribute) and node.attr in ("components", "get_component"):
-        return "it accesses another component. Publish a page instead: every component can handle it."
-    return "'global' shares a value between all objects. Keep it in self." if isinstance(node, ast.Global) else ""
-
-
-def _kept_outside(tree: ast.Module) -> tuple[str, int] | None:
-    """Return name and line of a value of the module's, or of a class, that functions change."""
-    outside: set[str] = set()
-    for body in [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]:
-        for node in body:
-            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-            if isinstance(node, (ast.Assign, ast.AnnAssign)):
-                outside |= {target.id for target in targets if isinstance(target, ast.Name)}
-    classes = {node.name for node in tree.body if isinstance(node, ast.ClassDef)}
-    for node in ast.walk(tree):
-        if not isinstance(node, (ast.FunctionDef, ast.Lambda)):
-            continue
-        for inner in ast.walk(node):
-            name = _changed(inner, classes)
-            if name in outside:
-                return name, inner.lineno  # type: ignore[attr-defined]
-    return None
-
-
-CHANGES = {"append", "extend", "insert", "pop", "remove", "clear", "update", "setdefault", "add", "discard", "popitem"}
-
-
-def _changed(node: ast.AST, classes: set[str]) -> str:
-    """Return the name of what a piece of code changes in place: NAME[...] = x, NAME.append(x), Class.NAME = x."""
-    if isinstance(node, (ast.Subscript, ast.Attribute)) and isinstance(node.ctx, (ast.Store, ast.Del)):
-        if isinstance(node.value, ast.Name) and isinstance(node, ast.Attribute) and node.value.id in classes:
-            return node.attr
-        return _name(node.value) if isinstance(node, ast.Subscript) else ""
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in CHANGES:
-        return _name(node.func.value)
-    return ""
-
-
-def _name(node: ast.AST) -> str:
-    """Return NAME of NAME, and of Class.NAME; not of self.NAME, which may hide a class's own."""
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id != "self":
-        return node.attr
-    return ""
+SHARES = {
+    "import": "it imports {}. Then this module cannot be used without that one.",
+    "component": "it accesses another component. Publish a page instead: every component can handle it.",
+    "global": "'global' shares a value between all objects. Keep it in self.",
+}
 
 
 @check(points=12, visible=[Dive(1)], hidden=draw_dives)

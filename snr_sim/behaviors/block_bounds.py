@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from snr_sim.behaviors.context import plain_value
+from snr_sim.prelude.sums import number_sum
 
 MAX_TURNS = 10_000  # of all loops of a block together
 MAX_WORK = 65_536  # elements and characters that a block makes or looks through
@@ -55,7 +56,7 @@ def weighed(m: Any, value: Any) -> Any:
 
 def counted(m: Any, function: Callable[..., Any], *values: Any, **options: Any) -> Any:
     """Call a function of Python, and count what it looks through and returns."""
-    if function is sum and len(values) > 1:
+    if function is number_sum and (len(values) != 1 or options):
         raise BlockError("sum() takes one value here: numbers.")
     for value in values:
         sized(m, value)

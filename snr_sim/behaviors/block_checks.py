@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Literal, TypeAlias
 
 from snr_sim.prelude.errors import suggest
+from snr_sim.prelude.sums import number_sum
 
 MAX_BLOCK = 4096  # characters of one block
 MAX_NESTING = 50  # of expressions in expressions
@@ -28,7 +29,7 @@ _MATH = frozenset((
 ))  # fmt: skip
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": abs, "all": all, "any": any, "bool": bool, "divmod": divmod, "enumerate": enumerate, "float": float,
-    "int": int, "len": len, "max": max, "min": min, "sorted": sorted, "str": str, "sum": sum, "tuple": tuple,
+    "int": int, "len": len, "max": max, "min": min, "sorted": sorted, "str": str, "sum": number_sum, "tuple": tuple,
     "zip": zip, "list": tuple, "reversed": reversed,
 }  # fmt: skip
 _SPECIAL = ("robot", "now_ms", "in_state_ms", "signal", "random", "log", "math", "range", "round")

@@ -336,8 +336,8 @@ class MachineEndpoint(Endpoint):
             "last": None if last is None else msgspec.structs.asdict(last),
             "variables": interpreter.variables,
             "program": self.program_number,
-            "problems": sum(one.count for one in interpreter.problems.values()),
-            "ignored": sum(interpreter.ignored.values()),
+            "problems": sum(one.count for one in interpreter.problems.values()),  # exact: integers
+            "ignored": sum(interpreter.ignored.values()),  # exact: integers
             "is_paused": self.is_paused,
         }
 

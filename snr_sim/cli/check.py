@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.output import print_note
+from snr_sim.cli.output import print_encoded, print_note
 from snr_sim.cli.plain_console import escape_markup, plain_console
 from snr_sim.prelude.errors import UnknownNameError
 
@@ -57,7 +57,7 @@ def check(
     if graded.status == "grader_error":
         raise GraderError(graded.error)
     if as_json:
-        print(encode_graded(graded).decode(), end="")
+        print_encoded(encode_graded(graded).decode(), end="")
     else:
         _show(found, graded, out)
     sys.exit(0 if all(one.is_passed for one in graded.checks) else 1)

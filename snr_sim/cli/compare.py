@@ -11,7 +11,7 @@ import typer
 
 from snr_sim.cli.arguments import AsJson, finite_number
 from snr_sim.cli.newest import trace_of, two_runs
-from snr_sim.cli.output import print_json, print_warnings
+from snr_sim.cli.output import print_json, print_text, print_warnings
 from snr_sim.cli.plain_console import plain_console
 from snr_sim.prelude.errors import MissingExtraError, ParameterError, TraceError
 
@@ -71,7 +71,7 @@ def compare(
         return
     _print(comparison)
     for file in filter(None, (png, rrd)):
-        print(file)
+        print_text(file)
 
 
 def _shift_s(shift: str, traces: list[Trace]) -> float:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.output import print_encoded, print_text
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -54,7 +56,10 @@ def console(
 
 
 def _print(answer: CommandResult) -> None:
-    print(answer.text, file=sys.stderr if answer.is_error else sys.stdout, flush=True)
+    if answer.is_error:
+        print_line(sys.stderr, answer.text)
+    else:
+        print_text(answer.text, flush=True)
 
 
 def _pass_over(answer: CommandResult) -> None:
@@ -73,7 +78,7 @@ def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> 
         from snr_sim.prelude.values import encode_value
 
         shown = [{"text": one.text, "data": one.data, "is_error": one.is_error} for one in answers]
-        print(encode_value({"answers": shown}).decode())
+        print_encoded(encode_value({"answers": shown}).decode())
     return answers
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.output import print_json
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.prelude.errors import MissingExtraError, SnrError
 from snr_sim.prelude.io import Io, parse_io
 
@@ -52,9 +52,9 @@ def doctor(
         print_json({"findings": [finding._asdict() for finding in findings]})
     else:
         for finding in findings:
-            print(f"{finding.tag:<4} {finding.message}")
+            print_text(f"{finding.tag:<4} {finding.message}")
             if finding.fix:
-                print(f"       {finding.fix}")
+                print_text(f"       {finding.fix}")
     sys.exit(0 if all(finding.is_ok for finding in findings) else 1)
 
 

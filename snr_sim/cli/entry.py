@@ -10,7 +10,7 @@ import time
 from contextlib import suppress
 
 from snr_sim.cli import stopping
-from snr_sim.core.standard_streams import open_closed_streams
+from snr_sim.core.standard_streams import open_closed_streams, print_line
 
 _THREADS_S = 0.5  # time for threads to end before they are reported
 
@@ -26,7 +26,7 @@ def main() -> None:
 
         run()
     except KeyboardInterrupt:
-        print("Stopped.", file=sys.stderr)
+        print_line(sys.stderr, "Stopped.")
         ending.status = stopping.status()
         sys.exit(ending.status)
     except SystemExit as end:
@@ -64,4 +64,4 @@ def _name_threads() -> None:
         from snr_sim.core.left_threads import notes_on_threads
 
         for note in notes_on_threads():
-            print(f"note: {note}", file=sys.stderr)
+            print_line(sys.stderr, f"note: {note}")

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.output import print_json
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.cli.plain_console import plain_console
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import SnrError
 
 if TYPE_CHECKING:
@@ -161,7 +162,9 @@ def _write_container(
     if as_json:
         print_json({"out": str(out)})
     else:
-        print(f"{out} is an autograder for Gradescope. Zip what is in it: (cd {out} && zip -r ../autograder.zip .)")
+        print_text(
+            f"{out} is an autograder for Gradescope. Zip what is in it: (cd {out} && zip -r ../autograder.zip .)"
+        )
     return 0
 
 
@@ -170,7 +173,7 @@ def _cores() -> int:
 
 
 def _print_note(words: str) -> None:
-    print(words, file=sys.stderr)
+    print_line(sys.stderr, words)
 
 
 @contextmanager
@@ -201,7 +204,7 @@ def _print_summary(folder: ClassFolder, submissions: list[Submission], summary: 
     if as_json:
         print_json(_fields(folder, summary))
         return
-    print(summary.sentence())
+    print_text(summary.sentence())
     for names, words in (
         (summary.rejected, "could not be read, which is 0 points"),
         (summary.grader_errors, "have no mark, as the lab or the grader failed; why is in class.csv"),
@@ -209,12 +212,12 @@ def _print_summary(folder: ClassFolder, submissions: list[Submission], summary: 
     ):
         if names:
             more = f" and {len(names) - _MAX_SHOWN} more" if len(names) > _MAX_SHOWN else ""
-            print(f"{len(names)} {words}: {', '.join(names[:_MAX_SHOWN])}{more}.")
-    print(f"tables: {folder.path}/class.csv, cases.csv; a page each: {folder.path}/students/*/report.md")
+            print_text(f"{len(names)} {words}: {', '.join(names[:_MAX_SHOWN])}{more}.")
+    print_text(f"tables: {folder.path}/class.csv, cases.csv; a page each: {folder.path}/students/*/report.md")
 
 
 def _fields(folder: ClassFolder, summary: Summary) -> dict[str, Any]:
-    from snr_sim.grading.reports.plain import plain
+    from snr_sim.prelude.text import plain
 
     return {
         "out": str(folder.path),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from snr_sim.cli.arguments import Io
-from snr_sim.cli.output import print_json
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.cli.plain_console import plain_console
 from snr_sim.prelude.errors import ParameterError
 
@@ -79,7 +79,7 @@ def _confirm(name: str, io: str) -> None:
     from snr_sim.devices.pwm.motor_test import WHOLE_S, top_us
 
     expected = f"{name} props off"
-    print(
+    print_text(
         f"'{name}' of {io} will be armed and moved to {top_us():g} us for {WHOLE_S:g} s. Take the propellers off, hold "
         f"the battery switch.\nAny key stops it. Type  {expected}  to continue: ",
         end="",
@@ -133,13 +133,15 @@ def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
             if move and not bench.is_moving:
                 break
     if move:
-        print(f"{move} is at neutral again; the longest pulse that its outputs reported was {bench.max_pulse_us:g} us.")
+        print_text(
+            f"{move} is at neutral again; the longest pulse that its outputs reported was {bench.max_pulse_us:g} us."
+        )
 
 
 def _shower(stack: Any) -> Any:
     """Return the display of a bench: a table that is updated in place on a terminal, lines in a pipe."""
     if not sys.stdout.isatty():
-        return lambda bench: print("\n".join(lines(bench)), flush=True)
+        return lambda bench: print_text("\n".join(lines(bench)), flush=True)
     from rich.live import Live
 
     live = stack.enter_context(Live(console=plain_console(), auto_refresh=False))

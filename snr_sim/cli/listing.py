@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.output import print_json
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.prelude.errors import UnknownNameError, suggest
 
 if TYPE_CHECKING:
@@ -57,17 +57,17 @@ def listing(
     for kind in _WHAT:
         of_kind = [row for row in rows if row["kind"] == kind]
         if what == kind and not of_kind:
-            print(f"no {kind} found")
+            print_text(f"no {kind} found")
         width = max((len(row["name"]) for row in of_kind), default=0)
         for number, row in enumerate(of_kind):
             if number == 0:
-                print(f"{kind}:")
-            print(f"  {row['name']:<{width}} {row['about']}  [{row['place']}: {row['path']}]")
+                print_text(f"{kind}:")
+            print_text(f"  {row['name']:<{width}} {row['about']}  [{row['place']}: {row['path']}]")
             for more in ("controllers", "engines"):
                 if row.get(more):
-                    print(f"  {'':<{width}} {more}: {row[more]}")
+                    print_text(f"  {'':<{width}} {more}: {row[more]}")
             for key, text in row.get("options", {}).items():
-                print(f"  {'':<{width}} --option {key}=...  {text}")
+                print_text(f"  {'':<{width}} --option {key}=...  {text}")
 
 
 def _about(found: FoundItem) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.output import print_json
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.cli.trust import Trust
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
@@ -87,7 +87,7 @@ def machine(
         raise ParameterError("draw prints no JSON.", fix="leave out --json, or name the format: --as scxml.")
     from snr_sim.behaviors.export import draw
 
-    print(draw(_program_in(file, name, robot), to), end="")  # type: ignore[arg-type]
+    print_text(draw(_program_in(file, name, robot), to), end="")  # type: ignore[arg-type]
 
 
 def _explore(program: Program, file: str, as_json: bool) -> None:
@@ -106,10 +106,10 @@ def _explore(program: Program, file: str, as_json: bool) -> None:
         print_json({"configurations": count, "findings": rows})
     else:
         for one in found:
-            print(f"{file}:{one.place.line}: {one.message}")
+            print_text(f"{file}:{one.place.line}: {one.message}")
             if one.word:
-                print(f"    shortest way there: {', '.join(one.word)}")
-        print(f"{count} configurations, {len(found) or 'nothing'} found")
+                print_text(f"    shortest way there: {', '.join(one.word)}")
+        print_text(f"{count} configurations, {len(found) or 'nothing'} found")
     if any(one.kind != "only_time" for one in found):
         raise typer.Exit(1)
 
@@ -124,14 +124,14 @@ def _lag(run: Path, as_json: bool) -> None:
         print_json(found)
         return
     if not found["transitions"]:
-        print("no machine has changed its state in this run")
+        print_text("no machine has changed its state in this run")
         return
-    print("transitions  " + ", ".join(f"{machine}: {count}" for machine, count in found["transitions"].items()))
+    print_text("transitions  " + ", ".join(f"{machine}: {count}" for machine, count in found["transitions"].items()))
     for what, text in (("readings", "age at a transition"), ("commands", "until applied")):
         for key, row in found[what].items():
-            print(f"{key:<12} {text}: mean {1000 * row['mean_s']:.0f} ms, at most {1000 * row['max_s']:.0f} ms")
+            print_text(f"{key:<12} {text}: mean {1000 * row['mean_s']:.0f} ms, at most {1000 * row['max_s']:.0f} ms")
     if not found["commands"]:
-        print("commands: the robot's devices apply them at their next tick")
+        print_text("commands: the robot's devices apply them at their next tick")
 
 
 def _check(file: str, name: str, robot: str, as_json: bool) -> None:
@@ -143,11 +143,13 @@ def _check(file: str, name: str, robot: str, as_json: bool) -> None:
         problems = list(program.warnings)
         if not as_json:
             lines = Path(file).read_text(encoding="utf-8").splitlines()
-            print("\n".join(show_problem(one, file, lines) for one in problems) or f"{file}: no problem was found.")
+            print_text(
+                "\n".join(show_problem(one, file, lines) for one in problems) or f"{file}: no problem was found."
+            )
     except MachineError as error:
         problems = error.problems
         if not as_json:
-            print(error)
+            print_text(error)
     if as_json:
         print_json({"problems": [_row(one) for one in problems]})
     if any(one.is_error for one in problems):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from snr_sim.cli.output import capture_output, print_json
+from snr_sim.cli.output import capture_output, print_json, print_text
 from snr_sim.prelude.errors import ParameterError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, 
     if as_json:
         print_json({"outcomes": outcomes, "machines": reports})
     else:
-        print("runs: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
+        print_text("runs: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
         for name, report in reports.items():
             _print(name, report)
     if any(report["percent"] < min_percent for report in reports.values()):
@@ -76,17 +76,17 @@ def _print(name: str, report: dict[str, Any]) -> None:
     states, transitions = report["states"], report["transitions"]
     reached = sum(row["is_reached"] for row in states)  # exact: integers
     taken = sum(row["taken"] > 0 for row in transitions)  # exact: integers
-    print(
+    print_text(
         f"{name}: {report['percent']:.0f} %: {reached} of {len(states)} states, {taken} of {len(transitions)} "
         "transitions"
     )
     for row in states:
         if not row["is_reached"]:
-            print(f"    line {row['line']:<4} {row['machine']}: state {row['state']} was not reached")
+            print_text(f"    line {row['line']:<4} {row['machine']}: state {row['state']} was not reached")
     for row in transitions:
         where = f"    line {row['line']:<4} {row['machine']}: {row['transition']} in {row['state']}"
         if not row["taken"]:
             looked = f"looked at {row['evaluated']} times" if row["evaluated"] else "never looked at"
-            print(f"{where} was not taken, {looked}")
+            print_text(f"{where} was not taken, {looked}")
         elif not row["was_false"] and row["evaluated"] == row["taken"]:
-            print(f"{where} was always taken")
+            print_text(f"{where} was always taken")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import capture_output, print_json
+from snr_sim.cli.output import capture_output, print_json, print_text
 from snr_sim.cli.replay import config_of_replay
 from snr_sim.cli.trust import ask
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
@@ -77,22 +77,22 @@ def _print(evaluations: EvaluationLog, *, is_moment: bool) -> None:
     from snr_sim.behaviors.explain import summary
 
     if not evaluations.found:
-        print("In this interval no transition was looked at: the machine was not in a state that has one.")
+        print_text("In this interval no transition was looked at: the machine was not in a state that has one.")
         return
     if is_moment:
         _print_steps(evaluations.found)
         return
     for row in summary(evaluations.found):
-        print(f"line {row['line']}  {row['machine']}, in {row['state']}: {row['transition']}")
-        print(f"    looked at {row['evaluated']} times, taken {row['taken']} times")
+        print_text(f"line {row['line']}  {row['machine']}, in {row['state']}: {row['transition']}")
+        print_text(f"    looked at {row['evaluated']} times, taken {row['taken']} times")
         if row["after_s"] is not None:
-            print(f"    after {row['after_s']:g} s; the longest time in the state was {row['longest_s']:g} s")
+            print_text(f"    after {row['after_s']:g} s; the longest time in the state was {row['longest_s']:g} s")
         for text, value in row["values"].items():
-            print(f"    {text} = {value}")
+            print_text(f"    {text} = {value}")
         for error, count in row["errors"].items():
-            print(f"    failed {count} times: {error}")
+            print_text(f"    failed {count} times: {error}")
     if evaluations.left_out:
-        print(f"{evaluations.left_out} more were left out: choose a shorter interval.")
+        print_text(f"{evaluations.left_out} more were left out: choose a shorter interval.")
 
 
 def _print_steps(found: list[Evaluation]) -> None:
@@ -102,12 +102,12 @@ def _print_steps(found: list[Evaluation]) -> None:
         steps.setdefault((one.t_ns, one.machine), []).append(one)
     for (t_ns, machine), rows in list(steps.items())[:MAX_STEPS_SHOWN]:
         first = rows[0]
-        print(f"t = {t_ns / NS_PER_S:.4f} s  {machine} in {first.state} for {first.elapsed_ns / NS_PER_S:.4f} s")
+        print_text(f"t = {t_ns / NS_PER_S:.4f} s  {machine} in {first.state} for {first.elapsed_ns / NS_PER_S:.4f} s")
         for row in rows:
             values: list[Any] = [f"{text} = {value}" for text, value in row.values.items()]
             if row.after_ns is not None:
                 values.insert(0, f"{row.elapsed_ns / 1e6:g} of {row.after_ns / 1e6:g} ms")
             verdict = "taken" if row.is_true else f"fails ({row.error})" if row.error else "no"
-            print(f"    line {row.line:<4} {row.transition:<28} {verdict:<6} {', '.join(values)}")
+            print_text(f"    line {row.line:<4} {row.transition:<28} {verdict:<6} {', '.join(values)}")
     if len(steps) > MAX_STEPS_SHOWN:
-        print(f"... and {len(steps) - MAX_STEPS_SHOWN} more steps")
+        print_text(f"... and {len(steps) - MAX_STEPS_SHOWN} more steps")

@@ -14,6 +14,7 @@ import typer
 from snr_sim import __version__
 from snr_sim.cli import stopping
 from snr_sim.cli.verbs import VERBS, VerbGroup
+from snr_sim.core.standard_streams import print_line
 
 app: typer.Typer = typer.Typer(
     name="snr",
@@ -28,7 +29,7 @@ app: typer.Typer = typer.Typer(
 
 def _print_version(is_requested: bool) -> None:
     if is_requested:
-        print(f"snr_sim {__version__}")
+        print(f"snr_sim {__version__}")  # noqa: T201
         raise typer.Exit()
 
 
@@ -125,7 +126,7 @@ def fail(message: str, status: int = 2) -> NoReturn:
     """Print what is wrong with the request, with --json also as JSON, and end with an exit status."""
     import json
 
-    print(message, file=sys.stderr)
+    print_line(sys.stderr, message)
     if "--json" in sys.argv:
-        print(json.dumps({"error": message}))
+        print_line(sys.stdout, json.dumps({"error": message}))
     sys.exit(status)

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from snr_sim.cli.output import print_text
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 _CLASS = "ControllerTemplate"  # in the template
@@ -72,13 +73,13 @@ def new(
         shutil.copytree(found.path, target, ignore=shutil.ignore_patterns("__pycache__"))
         for path in target.rglob("*.py"):
             _rename(path, found.name, name)
-        print(f"{target}/ is a copy of {found.name}; begin with {target}/robot.py.")
-        print(f"A scenario for it: snr new scenario {name}_first --robot {name}")
+        print_text(f"{target}/ is a copy of {found.name}; begin with {target}/robot.py.")
+        print_text(f"A scenario for it: snr new scenario {name}_first --robot {name}")
     else:
         shutil.copyfile(found.path, target)
         if robot:
             _rename(target, robot_of_scenario(found), robot)
-        print(f"{target} is a copy of {found.name}; run it: snr run {name}")
+        print_text(f"{target} is a copy of {found.name}; run it: snr run {name}")
 
 
 def _begin_lab(name: str, folder: str) -> None:
@@ -100,9 +101,9 @@ def _begin_lab(name: str, folder: str) -> None:
             shutil.copytree(found.path / "pictures", target / "pictures")
     except OSError as error:
         raise ParameterError(f"{target} cannot be made: {error.strerror}.", fix="name another folder.") from error
-    print(f"{target}/ has the files that the lab begins with. What it is about: {target}/README.md")
+    print_text(f"{target}/ has the files that the lab begins with. What it is about: {target}/README.md")
     if (found.path / "checks.py").is_file():
-        print(f"Try them: snr check {short} {target}")
+        print_text(f"Try them: snr check {short} {target}")
 
 
 def _begin_controller(name: str, scenario: str) -> None:
@@ -127,7 +128,7 @@ def _begin_controller(name: str, scenario: str) -> None:
     class_name = "".join(word.capitalize() for word in name.split("_"))
     target.write_text(template.read_text().replace(_CLASS, class_name))
     shown = scenario if found.name != Path(scenario).stem else found.name
-    print(f"{target} is a controller for {found.name}. Run it: snr run {shown} --controller ./{target}")
+    print_text(f"{target} is a controller for {found.name}. Run it: snr run {shown} --controller ./{target}")
 
 
 def _check_is_new(target: Path, what_to_do: str = "choose another name") -> None:

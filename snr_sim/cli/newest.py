@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import TraceError
 
 if TYPE_CHECKING:
@@ -55,5 +56,5 @@ def _newest_but(taken: list[Path]) -> Path:
             f"No run was named, and there is {'no other' if taken else 'none'} in runs/.",
             fix="make one: snr run lander_vertical.",
         )
-    print(f"the newest run{' but that' if taken else ''}: {run}", file=sys.stderr)
+    print_line(sys.stderr, f"the newest run{' but that' if taken else ''}: {run}")
     return run

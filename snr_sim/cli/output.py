@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
+from snr_sim.core.standard_streams import print_line
+from snr_sim.prelude.text import visible, visible_json
+
 if TYPE_CHECKING:
     from snr_sim.recording.reader import Trace
 
@@ -19,12 +22,22 @@ def print_json(fields: dict[str, Any]) -> None:
     """Print the single object of --json."""
     from snr_sim.recording.folder import as_json
 
-    print(as_json(fields))
+    print_encoded(as_json(fields))
+
+
+def print_text(text: object = "", end: str = "\n", flush: bool = False) -> None:
+    """Print a part of the result. What a terminal would interpret is shown as escapes: runs may come from others."""
+    print(visible(str(text)), end=end, flush=flush)  # noqa: T201 the one for texts
+
+
+def print_encoded(text: str, end: str = "\n") -> None:
+    """Print JSON; what a terminal would interpret is escaped, which leaves its values the same."""
+    print(visible_json(text), end=end)  # noqa: T201 the one for JSON
 
 
 def print_note(text: str) -> None:
     """Print a note to the user in addition to the result."""
-    print(f"note: {text}", file=sys.stderr, flush=True)
+    print_line(sys.stderr, f"note: {text}")
 
 
 def print_warnings(trace: Trace, before: str = "") -> None:

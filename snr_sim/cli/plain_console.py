@@ -10,7 +10,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.prelude.text import visible
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,7 +31,13 @@ def plain_console(stderr: bool = False, width_in_a_pipe: int | None = None) -> C
     """
     from rich.console import Console
 
-    console = Console(stderr=stderr, highlight=False, markup=False, emoji=False)
+    class VisibleConsole(Console):
+        """Shows what a terminal would interpret as escapes, in every text that is printed or put in a table."""
+
+        def render_str(self, text: str, **options: Any) -> Text:
+            return super().render_str(visible(text), **options)
+
+    console = VisibleConsole(stderr=stderr, highlight=False, markup=False, emoji=False)
     if not console.is_terminal and width_in_a_pipe is not None:
         console.width = width_in_a_pipe
     return console
@@ -39,7 +47,7 @@ def escape_markup(words: str) -> Text:
     """Return an object that prints this text literally where rich would interpret markup, as in `Console.status`."""
     from rich.text import Text
 
-    return Text(words)
+    return Text(visible(words))
 
 
 @contextmanager

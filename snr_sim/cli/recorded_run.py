@@ -10,8 +10,9 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from snr_sim.cli.output import capture_output, print_note
+from snr_sim.cli.output import capture_output, print_note, print_text
 from snr_sim.cli.plain_console import progress
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, TraceError
 
 if TYPE_CHECKING:
@@ -104,9 +105,9 @@ def record_run(
             undo.pop_all()
         start.close()
         for line in [] if is_json else start_lines:
-            print(line, flush=True)
+            print_line(sys.stdout, line)
         for line in [] if alone is None else alone.start_lines():
-            print(line, file=sys.stderr, flush=True)
+            print_line(sys.stderr, line)
         for note in foreseen:
             print_note(note)
         if is_watched and isinstance(run, SimulationRun):
@@ -190,7 +191,7 @@ def _pace_for_manual_pilot(config: Config, roles: list[str], pace: float | None)
     is_manual = any(isinstance(factory, GamepadLoopFactory) for role in roles for factory in config.get(role))
     if pace is not None or not is_manual:
         return pace
-    print("A person steers, so this run takes as long as it says, as with --speed real.", file=sys.stderr)
+    print_line(sys.stderr, "A person steers, so this run takes as long as it says, as with --speed real.")
     return 1.0
 
 
@@ -282,22 +283,22 @@ def _print_result(fields: dict[str, Any], result: RunResult, is_json: bool, prin
     for note in [note for note in result.notes if note not in printed]:
         print_note(note)
     if result.error:
-        print(result.error, file=sys.stderr)
+        print_line(sys.stderr, result.error)
     if is_json:
         return
     speed = result.sim_time_s / result.wall_time_s if result.wall_time_s > 0 else 0.0
-    print(
+    print_text(
         f"{fields['scenario']}, seed {fields['seed']}, controller {Path(str(fields['controller'])).name}: "
         f"{fields['outcome']} after {result.sim_time_s:.1f} s ({speed:.0f} x real time)"
     )
     is_measured = not (result.error and result.sim_time_s == 0.0)  # else the run did not begin
     for name, value in result.metrics.items() if is_measured else ():
-        print(f"  {name:<16} {_format_metric(value)}")
-    print(f"run folder: {fields['run_dir']}")
+        print_text(f"  {name:<16} {_format_metric(value)}")
+    print_text(f"run folder: {fields['run_dir']}")
     if result.error:
-        print(f"  the trace is whole up to there: snr trace {fields['run_dir']}")
+        print_text(f"  the trace is whole up to there: snr trace {fields['run_dir']}")
     else:
-        print(f"  look at it: snr view {fields['run_dir']}    check it: snr replay {fields['run_dir']} --check")
+        print_text(f"  look at it: snr view {fields['run_dir']}    check it: snr replay {fields['run_dir']} --check")
 
 
 def _format_metric(value: Any) -> str:

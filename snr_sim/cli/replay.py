@@ -11,8 +11,9 @@ import typer
 
 from snr_sim.cli.arguments import AsJson, RecordedRun
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import capture_output, print_json, print_note
+from snr_sim.cli.output import capture_output, print_json, print_note, print_text
 from snr_sim.cli.trust import Trust, ask
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import MissingExtraError, SnrError
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ def replay(
     plan = files_of_replay(trace, with_file)
     ask(trace.path.parent, plan.unknown, trust)
     if plan.executed and not as_json:
-        print(f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}", file=sys.stderr)
+        print_line(sys.stderr, f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}")
     with capture_output(is_json=True):  # keeps output of handlers out of the result
         done = _replay(trace, plan, with_file, tolerances, check)
     if with_file:
@@ -191,27 +192,27 @@ def _print_comparison(trace: Trace, done: _Replayed) -> None:
     for note in done.notes:
         print_note(note)
     for call in done.calls:
-        print(f"asks the outside: {call}")
+        print_text(f"asks the outside: {call}")
     if not done.divergences:
-        print(f"identical: {done.tasks} tasks of {len(done.replays)} node(s), every task and page as recorded")
+        print_text(f"identical: {done.tasks} tasks of {len(done.replays)} node(s), every task and page as recorded")
         return
     first = done.divergences[0]
-    print(f"diverged: {len(done.divergences)} difference(s) in {done.tasks} tasks; the first:")
-    print(f"  seq {first.seq}, t = {first.t:.3f} s, node {first.node}, while handling {first.task}")
-    print(f"  component {first.component}, handler {first.handler or '-'} ({first.kind})")
-    print(f"  {first.field}: recorded {first.recorded!r}, replayed {first.replayed!r}")
+    print_text(f"diverged: {len(done.divergences)} difference(s) in {done.tasks} tasks; the first:")
+    print_text(f"  seq {first.seq}, t = {first.t:.3f} s, node {first.node}, while handling {first.task}")
+    print_text(f"  component {first.component}, handler {first.handler or '-'} ({first.kind})")
+    print_text(f"  {first.field}: recorded {first.recorded!r}, replayed {first.replayed!r}")
     if first.hint:
         from snr_sim.recording.records import hash_seed  # which determines the order of sets
 
         then, now = trace.trace_info.hash_seed, hash_seed()
-        print(f"  {first.hint} PYTHONHASHSEED was {then} then, and is {now} now.")
-    print("  how it came to that:")
+        print_text(f"  {first.hint} PYTHONHASHSEED was {then} then, and is {now} now.")
+    print_text("  how it came to that:")
     for cause in first.causes:
-        print(f"    {cause}")
+        print_text(f"    {cause}")
     if done.first_command is not None:
         seq, time_s = done.first_command.seq, done.first_command.t
-        print(f"  commands to actuators differ from seq {seq}, t = {time_s:.3f} s: {_OPEN_LOOP}.")
-        print(f"  the closed loop again: snr resim {trace.path.parent}")
+        print_text(f"  commands to actuators differ from seq {seq}, t = {time_s:.3f} s: {_OPEN_LOOP}.")
+        print_text(f"  the closed loop again: snr resim {trace.path.parent}")
 
 
 def _writable(one: Divergence) -> Divergence:

@@ -11,7 +11,7 @@ import typer
 
 from snr_sim.cli.arguments import AsJson, Out, RecordedRun, WithRrd
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import print_json, print_note, print_warnings
+from snr_sim.cli.output import print_json, print_note, print_text, print_warnings
 from snr_sim.cli.trust import Trust, ask
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.io import parse_io
@@ -62,7 +62,7 @@ def resim(
             new = trace_path(Path(fields["run_dir"]))
             is_same = records_digest(new) == records_digest(trace.path)
             same = "the same records, with another header, as" if is_same else "another digest than"
-        print(f"  {same} {trace.path.parent}")
+        print_text(f"  {same} {trace.path.parent}")
     sys.exit(status)
 
 

@@ -11,6 +11,7 @@ import typer
 from snr_sim.cli.arguments import AsJson, Io, Out, WithRrd, options_of, pace_of
 from snr_sim.cli.output import print_json, print_note
 from snr_sim.cli.recorded_run import Shown, record_run
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import ParameterError, SnrError
 from snr_sim.prelude.io import ENVIRONMENT, parse_io
 
@@ -91,7 +92,7 @@ def _print_sources(context: typer.Context, io: str) -> None:
     """Warn that real outputs will move if `--io` was not typed: the variable may have been set days ago."""
     source = context.get_parameter_source("io")
     if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
-        print(f"real outputs: {io}, from {ENVIRONMENT}", file=sys.stderr, flush=True)
+        print_line(sys.stderr, f"real outputs: {io}, from {ENVIRONMENT}")
 
 
 def _show(folder: Path, shown: Shown) -> None:

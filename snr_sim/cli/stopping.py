@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 from types import FrameType
 
 _STUCK_S = 2.0  # as in a run: see core/last_resort.py, which is slow to import
@@ -45,12 +44,15 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _end_if_stuck(number: int, frame: FrameType | None) -> None:
+    from snr_sim.core.last_resort import write_stderr
     from snr_sim.core.source_location import INTERRUPT_FIX, current_location
 
     place = None if frame is None else current_location(frame)
     if place is None:  # snr_sim itself is still working, or waits for an answer
         return
     name = signal.Signals(stopped_by[0]).name
-    print(f"{place}\n  {name}: this did not return, although it was interrupted.", file=sys.stderr)
-    print(f"  After {_STUCK_S:g} s the process was ended.\n  Try: {INTERRUPT_FIX}", file=sys.stderr, flush=True)
+    write_stderr(
+        f"{place}\n  {name}: this did not return, although it was interrupted.\n"
+        f"  After {_STUCK_S:g} s the process was ended.\n  Try: {INTERRUPT_FIX}"
+    )
     os._exit(128 + stopped_by[0])

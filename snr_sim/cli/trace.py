@@ -9,7 +9,7 @@ import typer
 
 from snr_sim.cli.arguments import RecordedRun
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import print_warnings
+from snr_sim.cli.output import print_encoded, print_text, print_warnings
 from snr_sim.prelude.errors import UnknownNameError, suggest
 
 if TYPE_CHECKING:
@@ -46,7 +46,10 @@ def trace(
             continue
         if name and not fnmatchcase(getattr(record, "name", ""), name):
             continue
-        print(encode_record(record).decode() if as_json else _line(record, config.tag))
+        if as_json:
+            print_encoded(encode_record(record).decode())
+        else:
+            print_text(_line(record, config.tag))
 
 
 def _line(record: Record, kind: str) -> str:

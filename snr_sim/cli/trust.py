@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.text import visible
 
 Trust = Annotated[
     bool, typer.Option("--trust", help="Execute the run's files, also those that another user may have written.")
@@ -31,7 +32,7 @@ def ask(run: object, unknown: Sequence[str], is_trusted: bool) -> None:
     listed = "\n".join(f"  {name}" for name in unknown)
     message = f"{run} was not recorded by you on this computer, as far as is known. It would execute:\n{listed}"
     if sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty():
-        if typer.confirm(f"{message}\nExecute them, with all that you may do here?", err=True):
+        if typer.confirm(visible(f"{message}\nExecute them, with all that you may do here?"), err=True):
             return
         raise ParameterError("Nothing was executed.", fix="snr trace and snr view show a run without executing it.")
     raise ParameterError(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from snr_sim.cli.newest import run_or_newest, trace_of
-from snr_sim.cli.output import print_warnings
+from snr_sim.cli.output import print_text, print_warnings
 from snr_sim.prelude.errors import TraceError
 
 
@@ -68,4 +68,4 @@ def _draw(run: Path, png: Path) -> None:
         )
     except OSError as error:
         raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
-    print(png)
+    print_text(png)

@@ -18,7 +18,7 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import suggest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.prelude.text import printable
+from snr_sim.prelude.text import visible
 
 ALL = "all"
 LISTS = ("components", "pages", "links", "loops")
@@ -93,7 +93,7 @@ def _reload(session: ConsoleSession, given: Given) -> CommandResult:
         if not isinstance(report, dict) or report.get("component") != name:
             return None
         return CommandResult(
-            truncate(printable(str(report.get("message")))), truncate_value(report), is_error=not report.get("ok")
+            truncate(visible(str(report.get("message")))), truncate_value(report), is_error=not report.get("ok")
         )
 
     session.expect(tasks.reload_component(name), f"reload of '{name}'", poll_reloaded)

@@ -21,6 +21,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.text import visible
 
 POLL_PERIOD_S = 0.05  # maximum time that a closing node waits for this loop
 SOON_S = 0.005
@@ -117,7 +118,7 @@ class LocalConsole(Loop):
 
     def _show(self, answer: CommandResult) -> None:
         try:
-            print(answer.text, file=self.factory.prints or sys.stdout, flush=True)
+            print(visible(answer.text), file=self.factory.prints or sys.stdout, flush=True)
         except (OSError, ValueError):
             self.stop()  # the output is closed
 

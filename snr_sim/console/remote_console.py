@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from snr_sim.console.client import ConsoleClient
 from snr_sim.console.table import CommandResult
 from snr_sim.prelude.errors import LinkError
+from snr_sim.prelude.text import visible
 
 WAIT_S = 5.0  # a node may only just be starting
 
@@ -55,12 +56,12 @@ class RemoteConsole:
 
     def show(self, answer: CommandResult) -> None:
         """Print an answer; those of watched pages arrive without a command."""
-        print(answer.text, flush=True)
+        print(visible(answer.text), flush=True)
 
     def print_line(self, sentence: str) -> None:
         """Print the state of the connection for a user; a script gets an error instead."""
         if self.commands is None:
-            print(f"-- {sentence}", flush=True)
+            print(visible(f"-- {sentence}"), flush=True)
 
     def _prompt_user(self) -> None:
         from snr_sim.console.prompt import typed_lines  # takes 0.1 s to import, and only users need it

@@ -19,6 +19,7 @@ from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.snapshot import IMMUTABLE
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
+from snr_sim.prelude.text import visible
 
 if TYPE_CHECKING:
     import numpy as np
@@ -146,6 +147,8 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
             msg, args = self._text_of(level, msg, args), ()
         if level >= logging.INFO:
             self._component.parent.record_text(self._component.name, logging.getLevelName(level), f"{msg}\n")
+            if type(msg) is str:
+                msg = visible(msg)  # part of a peer's page, perhaps, and for a terminal
         options["stacklevel"] = options.get("stacklevel", 1) + 1
         super().log(level, msg, *args, **options)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Container, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -54,20 +54,23 @@ class RecordedOutput(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Forward and record text; return the number of characters."""
-        written = len(text) if self.target is None else int(self.target.write(text))
+        if self.target is not None:
+            with suppress(OSError):  # as in `print_line`: a robot must not stop because its log is on a full disk
+                self.target.write(text)
         if self.is_finished:
-            return written
+            return len(text)
         component = _writing_component(sys._getframe(1))
         # A component that prints before its super().__init__() has no node yet, so its text is not recorded.
         node: Node | None = getattr(component, "parent", None)
         if component is not None and node is not None and node in self._nodes:
             node.record_text(component.name, "PRINT", text)
-        return written
+        return len(text)
 
     def flush(self) -> None:
         """Flush the target."""
         if self.target is not None:
-            self.target.flush()
+            with suppress(OSError):
+                self.target.flush()
 
     def close(self) -> None:
         """Do nothing: the target belongs to the program."""

@@ -6,7 +6,6 @@ import logging
 import sys
 import threading
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Protocol
 
 from snr_sim.core.clocks import SimClock
@@ -18,6 +17,7 @@ from snr_sim.core.node import Node
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.reload.watch import with_watch
 from snr_sim.core.slow_start import SlowStart
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SnrError, suggest
@@ -88,10 +88,10 @@ def _log_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread]
     for node in nodes:
         whose = f"{node.name}: " if len(nodes) > 1 else ""
         for note in node.notes:
-            print(f"note: {whose}{note}", file=sys.stderr)
+            print_line(sys.stderr, f"note: {whose}{note}")
     if threading.current_thread() is threading.main_thread():
         for note in notes_on_threads(threads_before):
-            print(f"note: {note}", file=sys.stderr)
+            print_line(sys.stderr, f"note: {note}")
 
 
 class CliRunner:
@@ -138,10 +138,10 @@ class CliRunner:
         except SnrError as error:
             if mode is Mode.DEBUG or reloading_file.get():  # a reload reports errors itself
                 raise
-            print(error, file=sys.stderr)
+            print_line(sys.stderr, str(error))
             raise SystemExit(1) from error
         if runner.node.profiler is not None:
-            print(runner.node.profiler.dump(), file=sys.stderr)
+            print_line(sys.stderr, runner.node.profiler.dump())
 
     def _explain(self, unknown: list[str], given: list[str], known: list[str]) -> None:
         if unknown:
@@ -181,8 +181,7 @@ class _ToStderr(logging.Handler):
         except Exception:  # a log call that is wrong, or an object's own __str__
             self.handleError(record)
             return
-        with suppress(OSError, ValueError):  # its reader has gone
-            print(line, file=sys.stderr, flush=True)
+        print_line(sys.stderr, line)
 
 
 class SimRunner:

@@ -83,6 +83,7 @@ def read_arrays(
     what: str,
     maker: str,
     environment: str = "",
+    max_bytes: int = MAX_BYTES,
 ) -> AnyOwner:
     """Return the owner made from a file's metadata, with the arrays of the file.
 
@@ -94,6 +95,7 @@ def read_arrays(
         what: description of such a file, for messages.
         maker: name of what writes such files, for messages.
         environment: required environment; any if empty.
+        max_bytes: of the file, and of what it unpacks to.
 
     Raises:
         RecordingError: the file is missing, of another kind (a pickle is refused, not opened), truncated or damaged,
@@ -103,9 +105,9 @@ def read_arrays(
     try:
         if not stat.S_ISREG(place.stat().st_mode):  # a FIFO would be waited for, and a device never ends
             raise RecordingError(f"{path} is not a regular file.", fix=f"a file that {maker} has written.")
-        _check_size(path, place.stat().st_size, what)
+        _check_size(path, place.stat().st_size, what, max_bytes)
         with zipfile.ZipFile(place) as archive:
-            _check_size(path, sum(info.file_size for info in archive.infolist()), what)
+            _check_size(path, sum(info.file_size for info in archive.infolist()), what, max_bytes)
             text = _array(archive, ABOUT, None).tobytes()
             found = msgspec.json.decode(text, type=ensure_type_info(FileMetadata))
             if environment and found.environment != environment:
@@ -136,9 +138,9 @@ def check_memory(count: int) -> None:
         raise ParameterError(f"{count} numbers are more than {MAX_BYTES} bytes hold.", fix="fewer cells.")
 
 
-def _check_size(path: str | Path, size: int, what: str) -> None:
-    if size > MAX_BYTES:
-        raise RecordingError(f"{path} holds {size} bytes.", fix=f"{what} of at most {MAX_BYTES} bytes.")
+def _check_size(path: str | Path, size: int, what: str, max_bytes: int) -> None:
+    if size > max_bytes:
+        raise RecordingError(f"{path} holds {size} bytes.", fix=f"{what} of at most {max_bytes} bytes.")
 
 
 def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> NDArray[Any]:

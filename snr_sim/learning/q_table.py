@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.learning.array_file import FileMetadata, check_memory, read_arrays, write_arrays
+from snr_sim.learning.array_file import MAX_BYTES, FileMetadata, check_memory, read_arrays, write_arrays
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.prelude.errors import ParameterError, RecordingError
 
@@ -75,7 +75,12 @@ class QTable:
 
     @classmethod
     def load(
-        cls, path: str | Path, environment: str = "", names: Sequence[str] = (), actions: Sequence[str] = ()
+        cls,
+        path: str | Path,
+        environment: str = "",
+        names: Sequence[str] = (),
+        actions: Sequence[str] = (),
+        max_bytes: int = MAX_BYTES,
     ) -> QTable:
         """Return the table in a file.
 
@@ -84,6 +89,7 @@ class QTable:
             environment: required one; any if empty.
             names: required names of the observed numbers, in this order; any if empty.
             actions: required number of actions; any if empty. Their descriptions may differ.
+            max_bytes: of the file, and of what it unpacks to.
 
         Raises:
             RecordingError: the file is missing, of another kind (a pickle is refused, not opened), truncated or
@@ -108,7 +114,7 @@ class QTable:
             table.made_by = about.made_by
             return table, {"values": table.values, "visits": table.visits}
 
-        table = read_arrays(path, QTableMetadata, empty, "table of action values", MAKER, environment)
+        table = read_arrays(path, QTableMetadata, empty, "table of action values", MAKER, environment, max_bytes)
         if (table.visits < 0).any():
             raise RecordingError(f"{path} has visits below 0.", fix=f"a file that {MAKER} has written.")
         return table

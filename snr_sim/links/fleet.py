@@ -27,14 +27,13 @@ from msgspec.structs import replace
 from snr_sim.core.clocks import SimClock
 from snr_sim.links.faults import MIN_TRANSIT_S, LinkFaults, LossyChannel
 from snr_sim.links.link import BEFORE_LOOPS, Link, Transport, link_state
-from snr_sim.links.options import MAX_KEY_CHARS
+from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS
 from snr_sim.links.session import OFFSETS_REMEMBERED
 from snr_sim.links.simulated import Rendezvous
 from snr_sim.prelude.page import DataKey, Page
 
 PING_BYTES = 64  # approximate size of a ping on a wire
 MAX_MEMBERS = 1000  # per net; pages of further members are ignored
-MAX_KEYS = 1000  # per member, whose pages are counted; lost pages of further keys go unnoticed
 ALONE = "no other node is in the net."
 
 
@@ -174,7 +173,7 @@ class PeerTable:
             peer.last_received_s = now_s
             last = peer.numbers.get(key)
             if not number or (last is None and len(peer.numbers) >= MAX_KEYS):
-                return peer, True
+                return peer, True  # lost pages of this key go unnoticed
             if last is not None:
                 if number <= last:
                     return peer, False
@@ -248,7 +247,7 @@ class Fleet(Transport):
         is_subscribed = not is_mine and (robots is None or member.robot in robots)
         if is_subscribed and (accept is None or link.is_accepted(page.key, accept)):
             page = member.with_namespace(page, self.member, self.subscription.namespaced)
-            if 0 < len(page.key) <= MAX_KEY_CHARS:
+            if 0 < len(page.key) <= MAX_KEY_CHARS and (accept is not None or link.has_room_for(page.key)):
                 link.accept_pages([page], by, is_chosen=True)
                 return
         link.rejected += 1

@@ -26,7 +26,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.page_age import LINK_PREFIX
 from snr_sim.core.page_writers import find_writer
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
-from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
+from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.wire_bounds import encode_page
 from snr_sim.prelude.errors import SnrError, suggest
@@ -176,6 +176,8 @@ class Link(RestartingLoop):
         self.is_paused: bool = False  # nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # keys of `accept` that arrived
         self._rejected_keys: set[DataKey] = set()  # the first few keys that arrived and are not in it
+        self._any_keys: set[DataKey] = set()  # without `accept`: those that arrived
+        self._is_full = False
         self._reported: tuple[Any, ...] = ()
         self._reported_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
@@ -287,7 +289,22 @@ class Link(RestartingLoop):
         if accept is not None:
             return self.is_accepted(key, accept)
         is_own_state = key in LOCAL_KEYS or (key.startswith(LINK_PREFIX) and key in self.parent.components)
-        return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state
+        return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state and self.has_room_for(key)
+
+    def has_room_for(self, key: DataKey) -> bool:
+        """Whether a link without `accept` takes this key: it has arrived before, or few others have. Warns once."""
+        if key in self._any_keys:
+            return True
+        if len(self._any_keys) < MAX_KEYS:
+            self._any_keys.add(key)
+            return True
+        if not self._is_full:
+            self._is_full = True
+            fix = "accept=[...] names the keys to take."
+            self.log.warning(
+                "'%s' takes %d different keys. %.80r is dropped, and all further. %s", self.name, MAX_KEYS, key, fix
+            )
+        return False
 
     def is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
         """Whether a key is in `accept`; the key is remembered for notes at the end, if there is room."""

@@ -13,6 +13,7 @@ from snr_sim.prelude.errors import ConfigError, ParameterError
 from snr_sim.prelude.page import DataKey
 
 MAX_KEY_CHARS = 256
+MAX_KEYS = 1000  # of others, that a link without `accept` takes: each is a page in memory, until the node ends
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class LinkOptions:
     Args:
         name: the link is `link_<name>`, as a component and as a page.
         keys: pages of these keys are sent.
-        accept: keys of the pages to accept; None accepts any.
+        accept: keys of the pages to accept; None accepts any, but no more than MAX_KEYS different ones.
         max_frame_bytes: maximum size of a page, as it is sent.
         queue_pages: maximum number of pages that wait for one peer, and for the first peer to connect.
         policy: what happens when a queue is full.

@@ -41,7 +41,7 @@ from snr_sim.links.messages import (
 )
 from snr_sim.links.security import derive_key
 from snr_sim.prelude.errors import FrameTooLargeError, SnrError
-from snr_sim.prelude.text import printable
+from snr_sim.prelude.text import visible
 
 # An end that has not sent its hello yet gets no more of our memory than this.
 MAX_GREETING_BYTES = 4096
@@ -371,4 +371,4 @@ def printable_line(reason: str) -> str:
     >>> printable_line("gone.\\n  Try: \\x1b[2J")
     'gone. Try: \\\\x1b[2J'
     """
-    return printable(" ".join(reason.split()))[:MAX_REASON_CHARS]
+    return visible(" ".join(reason.split()))[:MAX_REASON_CHARS]

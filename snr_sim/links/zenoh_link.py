@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from snr_sim.links.fair_queue import FairQueue
 from snr_sim.links.faults import LossyChannel
 from snr_sim.links.fleet import ALONE, PING_BYTES, Fleet, Member, RemotePeer, Subscription, encode_key_part
 from snr_sim.links.link import Link
@@ -121,7 +122,7 @@ class ZenohTransport(Fleet):
         self._try_s = 0.0
         self._resend_s = math.inf  # moment at which the newest pages are sent to a newcomer a second time
         self._outbox: SendQueue[QueuedPage] = SendQueue(options.queue_pages, options.policy)
-        self._inbox: SendQueue[QueuedPage] = SendQueue(options.queue_pages, options.policy)
+        self._inbox: FairQueue[QueuedPage] = FairQueue(options.queue_pages, options.policy)
         self._queue_lock = threading.Lock()  # held briefly: guards both queues above and the delayed pages below
         self._newest: dict[DataKey, QueuedPage] = {}
         self._publishers: dict[DataKey, Any] = {}
@@ -199,7 +200,7 @@ class ZenohTransport(Fleet):
             self.link.rejected += 1
         elif is_new:
             with self._queue_lock:
-                self._inbox.put(QueuedPage(key, raw, peer))
+                self._inbox.put(peer, QueuedPage(key, raw, peer))
             self.wake()
 
     def _on_liveliness(self, sample: Any) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import reduce
 from operator import add, mul
+from typing import Any
 
 
 def ordered_sum(values: Iterable[float]) -> float:
@@ -18,6 +19,15 @@ def ordered_sum(values: Iterable[float]) -> float:
     0.9999999999999999
     """
     return reduce(add, values, 0.0)
+
+
+def number_sum(values: Iterable[Any]) -> Any:
+    """Return the same sum of numbers of any type: that of integers is an integer, as from `sum`.
+
+    >>> number_sum([1, 2]), number_sum([0.1] * 10)
+    (3, 0.9999999999999999)
+    """
+    return reduce(add, values, 0)
 
 
 def dot_product(one: Iterable[float], other: Iterable[float]) -> float:

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
@@ -233,7 +234,7 @@ class TraceWriter:
             is_first, self._reported_s = self._reported_s < 0, now_s
             data = {"since_s": self._lost_since_s, "lost": self._lost, "reason": failure.strerror}
         if is_first and self._unrecorded_nodes:
-            print(f"{self.loss} The run continues.", file=sys.stderr, flush=True)  # noqa: T201
+            print_line(sys.stderr, f"{self.loss} The run continues.")
         for node in self._unrecorded_nodes:
             node.enqueue_input(Task(TaskType.store_page, RECORDING_KEY, [node.page(RECORDING_KEY, data)]), _SOURCE)
 

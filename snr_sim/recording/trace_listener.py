@@ -8,6 +8,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Protocol
 
+from snr_sim.core.standard_streams import print_line
 from snr_sim.recording.records import Record, decode_line
 from snr_sim.recording.references import References
 
@@ -71,4 +72,4 @@ class ListenerThread:
     def _stop(self, reason: str) -> None:
         if not self._is_stopped:
             self._is_stopped = True
-            print(f"The live view has stopped: {reason}. The run continues and is recorded.", file=sys.stderr)  # noqa: T201
+            print_line(sys.stderr, f"The live view has stopped: {reason}. The run continues and is recorded.")

@@ -14,6 +14,7 @@ from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import record_output
 from snr_sim.core.reload.sources import file_of
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError
@@ -127,7 +128,7 @@ def _record(
     finally:
         recorder.close()
         if recorder.loss:
-            print(f"note: {recorder.loss}", file=sys.stderr)  # noqa: T201
+            print_line(sys.stderr, f"note: {recorder.loss}")
 
 
 def _files_of(program: Path) -> list[Path]:

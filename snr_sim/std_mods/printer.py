@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
@@ -43,7 +44,7 @@ class PrinterEndpoint(Endpoint):
     def print_task(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Print one line."""
         line = f"{self.parent.name} {self.get_time_s():10.4f} s  {task.type.value} '{task.name}'  {self._about(task)}"
-        print(line.rstrip(), file=self.factory.stream or sys.stdout)
+        print_line(self.factory.stream or sys.stdout, line.rstrip())
         return None
 
     def _about(self, task: Task) -> str:

@@ -27,7 +27,7 @@ from snr_sim.core.config import Config
 from snr_sim.core.inbox import POLL_PERIOD_S
 from snr_sim.core.process.child_process import ChildProcess
 from snr_sim.core.process.factory_pickling import pickle_factory
-from snr_sim.core.process.spawn import print_line
+from snr_sim.core.standard_streams import forward_line, print_line
 from snr_sim.prelude.component import PortFactory, RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.prelude.interfaces import implements
@@ -141,8 +141,8 @@ class MultiProcRunner:
             lambda kind, *values: self._events.put((kind, role, *values)),  # "failed", message, component
             on_end,
             order["packed"]["descriptors"],
-            out=lambda line: print_line(sys.stdout, f"[{role}] {line}"),
-            err=lambda line: print_line(sys.stderr, f"[{role}] {line}"),
+            out=lambda line: forward_line(sys.stdout, f"[{role}] {line}"),
+            err=lambda line: forward_line(sys.stderr, f"[{role}] {line}"),
         )
         process.start()
         return process

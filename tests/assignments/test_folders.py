@@ -32,6 +32,31 @@ def test_page_contains_goal_duration_and_points(lab: Path) -> None:
     assert [float(points) for points in rows] == [check.points for check in find_lab(lab.name).checks]
 
 
+PARSERS = {"ast", "configparser", "csv", "pickle", "tarfile", "tokenize", "tomllib", "xml", "zipfile"}
+
+
+@pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
+def test_structured_text_is_parsed_in_the_process_of_the_student(lab: Path) -> None:
+    """A parser can take any time: `checks.py` has none, and hands one of its folder to `Student.parse` alone."""
+    tree = ast.parse((lab / "checks.py").read_text())
+    imported = {(alias.name, "") for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            imported |= {((node.module or ""), alias.name) for alias in node.names}
+    assert {module.partition(".")[0] for module, _ in imported} & PARSERS == set()
+    with_parser = [
+        path.stem
+        for path in lab.glob("grader/*.py")
+        if any(re.search(rf"^(import|from) {name}\b", path.read_text(), re.MULTILINE) for name in PARSERS)
+    ]
+    names = {name for module, name in imported if module.removeprefix("grader.") in with_parser}
+    uses = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in names]
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)]
+    handed_over = [argument for call in calls if call.func.attr == "parse" for argument in call.args]
+    assert [node.id for node in uses if node not in handed_over] == []
+    assert len(uses) >= len(with_parser)
+
+
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
 def test_lab_has_files_reference_and_four_tested_mistakes(lab: Path) -> None:
     name = lab.name.partition("_")[2]

@@ -15,10 +15,14 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
@@ -34,6 +38,7 @@ pytestmark = pytest.mark.usefixtures("warm_children")
 
 LAB = Path(__file__).parents[2] / "assignments" / "10_lunar_lander_q"
 GRADER = load_lab(LAB / "checks.py").module("grader.learning")
+CHECKS = load_lab(LAB / "checks.py").module("checks")
 REFERENCE = Path(__file__).parent / "lunar_lander_q" / "reference"
 # Policies that were handed in; the rest of these submissions is the reference.
 HANDED_IN = {"policy_file": 5, "lands": 25, "is_sturdy": 10}
@@ -152,8 +157,8 @@ def rewritten(path: Path, **changed: Any) -> None:
         (cut, "copy all of it"),
         (lambda path: rewritten(path, values=np.full((7360, 4), np.nan)), "not finite"),
         (lambda path: rewritten(path, values=np.zeros((63, 4))), "is float64 of shape (63, 4)"),
-        (lambda path: rewritten(path, more=np.zeros(200_000)), "less than 1000000 bytes"),
-        (lambda path: path.write_text("no table"), "is not a complete npz file"),
+        (lambda path: rewritten(path, more=np.zeros(200_000)), "at most 1000000 bytes"),
+        (lambda path: path.write_text("no table"), "is not a table of action values"),
     ],
 )
 def test_invalid_policy_file_is_reported_and_loses_its_points(corrupt: Any, words: str, tmp_path: Path) -> None:
@@ -161,6 +166,38 @@ def test_invalid_policy_file_is_reported_and_loses_its_points(corrupt: Any, word
     found = handed_in(tmp_path)
     assert {name: share for name, (share, _) in found.items()} == dict.fromkeys(HANDED_IN, 0.0)
     assert words in found["policy_file"][1]
+
+
+@given(st.lists(st.tuples(st.integers(0, 2**16), st.integers(0, 255)), max_size=4), st.booleans())
+@example([], True)
+def test_no_bytes_of_a_policy_are_an_error_of_the_grader(changes: list[tuple[int, int]], is_far: bool) -> None:
+    """Changes are at the end, where zip has its directory, or anywhere."""
+    data = bytearray((REFERENCE / "policy.npz").read_bytes())
+    for place, byte in changes:
+        data[-1 - place % (len(data) if is_far else 350)] = byte
+    check_rejection(data)
+
+
+@pytest.mark.parametrize(
+    ("places", "byte"), [([6], 100), ([9, 46], 0xFF), ([24, 25, 26, 27], 0xFF)], ids=["version", "name", "size"]
+)
+def test_directory_of_a_policy_that_zipfile_cannot_read_is_rejected(places: list[int], byte: int) -> None:
+    data = bytearray((REFERENCE / "policy.npz").read_bytes())
+    for place in places:
+        data[data.find(b"PK\x01\x02") + place] = byte
+    assert check_rejection(data)
+
+
+def check_rejection(data: bytes) -> bool:
+    """Return whether a policy is rejected; any other error is the grader's own."""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "policy.npz").write_bytes(data)
+        try:
+            CHECKS.policy_of(SimpleNamespace(folder=Path(folder).resolve()))
+        except SubmissionError as wrong:
+            assert str(folder) not in wrong.message
+            return True
+    return False
 
 
 def test_update_that_resizes_rows_is_submission_error(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The lab "pub-sub graph": its page, its reference with all points, and wrong ones, each with its own loss."""
 
+import ast
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -100,3 +101,16 @@ def test_starter_runs_and_fails_with_hints(mark: Callable[..., Any], leave_out: 
     assert sum(found.lost.values()) == 85.0
     assert "by itself stores no page 'turn'" in found.feedback
     assert "it imports shared" in found.feedback
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["f=" + "lambda:" * 2000 + "0", "".join(" " * i + "def f():\n" for i in range(90)) + " " * 90 + "x = 1"],
+    ids=["lambdas", "functions"],
+)
+def test_nested_functions_are_searched_once(source: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = find_lab(LAB).module("grader.shared_state")
+    seen: list[ast.AST] = []
+    monkeypatch.setattr(module, "_changed", lambda node, classes: seen.append(node) or "")
+    assert module.find_shared_state(source.encode()) == {"shares": [], "keeps": None}
+    assert 90 < len(seen) == len(set(map(id, seen)))

@@ -81,6 +81,7 @@ def problems_of(text: str, kind: Any = "block", definitions: Any = None, *variab
         ("random()", 0.5),
         ("[i * i for i in range(4) if i != 2]", (0, 1, 9)),
         ("sum(i for i in range(10))", 45),
+        ("sum([0.1] * 10)", 0.9999999999999999),  # 1.0 by `sum` of Python 3.12
         ("all(i < x for i in (1, 2))", True),
         ('f"{x:.2f} {y!r}"', "3.00 True"),
         ("[1, [2, 3]]", (1, (2, 3))),

@@ -208,7 +208,7 @@ def changed(old: str, new: str) -> str:
         (changed("(var twice", "(var tw-ice"), 4, 6, "'tw-ice' cannot be used in Python."),
         (changed(":= [80]", ":= [robot.range.read()]"), 3, 17, "The robot has no 'range'"),
         (changed(":= [80]", ":= [1 / 0]"), 3, 17, "ZeroDivisionError"),
-        (changed(":= [80]", ":= [sum]"), 3, 17, "cannot be a builtin_function_or_method"),
+        (changed(":= [80]", ":= [len]"), 3, 17, "cannot be a builtin_function_or_method"),
         (changed(":= [80]", "80"), 3, 1, "(var ...) is not complete, or has too much. (var NAME := [value])."),
         (changed("(state b)", "(state)"), 16, 7, "(state ...) is not complete, or has too much. (state NAME ...)."),
         (changed("-> off too_long", "off too_long"), 22, 3, "(ontime ...) is not complete"),

@@ -6,7 +6,10 @@ Run by `snr bench urov`.
 from __future__ import annotations
 
 import math
+import os
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +28,8 @@ from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.simulation import Request, prepare
-from snr_sim.scenario.simulation_run import SimulationRun
+from snr_sim.scenario.simulation_run import SimulationRun, run_recorded
+from snr_sim.view.view import VIEW_NAME
 
 VEHICLE = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 POOL = Pool(depth_m=60.0)
@@ -33,6 +37,7 @@ LIMIT_US = 40.0
 STEPS = 2000
 DIVE, SEED, DIVE_S = "urov_depth_hold", 1, 40.0
 MINUTE_LIMIT_S = 2.0
+VIEW_LIMIT_S = 2.0
 
 
 def bare() -> Callable[[], Any]:
@@ -117,6 +122,31 @@ def measure(is_quick: bool) -> Iterator[Row]:
             ratio=found.ratios[i],
         )
     yield from dives(3 if is_quick else 7)
+    yield view_of_dive(3 if is_quick else 7)
+
+
+def view_of_dive(rounds: int) -> Row:
+    """Return the CPU time of what `snr view` does before the viewer opens: a process, its imports, and the view."""
+    simulation = prepare(Request(DIVE, SEED))
+    with tempfile.TemporaryDirectory() as folder:
+        result = run_recorded(simulation, Path(folder) / FILE_NAME)
+        assert (result.success, round(result.sim_time_s)) == (True, round(DIVE_S)), result
+        program = "import sys, pathlib; from snr_sim.view.view import view_of; view_of(pathlib.Path(sys.argv[1]))"
+        command = [sys.executable, "-c", program, folder]
+        times_s = []
+        for _ in range(rounds):
+            Path(folder, VIEW_NAME).unlink(missing_ok=True)
+            before = os.times()
+            subprocess.run(command, check=True)
+            after = os.times()
+            times_s.append(after.children_user - before.children_user + after.children_system - before.children_system)
+    return Row(
+        f"urov, the view of a dive of {DIVE_S:g} s: from the start of a process to view.rrd",
+        min(times_s),
+        "s",
+        limit=VIEW_LIMIT_S,
+        note="CPU time of a process of its own; without the viewer that opens it",
+    )
 
 
 def dives(rounds: int) -> Iterator[Row]:

@@ -31,6 +31,17 @@ def test_full_stdout_reports_error(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("both", [False, True])
+def test_full_stdout_of_a_run_as_json_reports_error(tmp_path: Path, both: bool) -> None:
+    command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--no-rrd", "--json"]
+    with Path("/dev/full").open("w") as full:
+        stderr = full if both else subprocess.PIPE
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=stderr, text=True, check=False)
+    assert done.returncode == 1
+    assert both or done.stderr.startswith("The answer could not be written: No space left on device.")
+    assert "Traceback" not in (done.stderr or "")
+
+
 def test_numpy_global_generator_is_named_if_only_student_imports_it(tmp_path: Path) -> None:
     (tmp_path / "dice.py").write_text(DICE)
     snr = [sys.executable, "-m", "snr_sim"]

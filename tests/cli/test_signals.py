@@ -330,4 +330,4 @@ def test_signal_ends_run_within_half_a_second_under_full_load(here: Path) -> Non
             one.kill()
             one.wait()
     wall_s = sorted(report["wall_s"] for report in reports)
-    assert wall_s[len(wall_s) // 2] <= 0.5, wall_s  # 0.01 to 0.05 s; it was 0.5 to 1.3 s
+    assert wall_s[-1] <= 0.5, wall_s  # each; 0.01 to 0.05 s, 0.17 s with ten times as many programs as cores

@@ -1,5 +1,8 @@
 """Programs that were started without some of their standard streams, and threads that they left behind."""
 
+import errno
+import io
+import random
 import subprocess
 import sys
 import threading
@@ -7,10 +10,15 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from snr_sim import Config, SynchronousRunner, TaskType, tasks
+from snr_sim import Config, PrinterEndpointFactory, SynchronousRunner, TaskType, TestRunner, tasks
 from snr_sim.core.left_threads import notes_on_threads
-from snr_sim.testing.function_components import FunctionEndpointFactory
+from snr_sim.core.output_recording import record_output
+from snr_sim.core.standard_streams import print_line
+from snr_sim.teleop import DisplayFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 OPENED = """
 import os, sys
@@ -65,3 +73,62 @@ def test_an_idle_thread_of_a_pool_is_not_named_and_one_at_work_is() -> None:
             pass
         assert "test_standard_streams.py, line" in "".join(notes_on_threads(before))
         may_end.set()
+
+
+class FailingStream(io.StringIO):
+    """A stream on a full disk, or of a pipe or terminal that has gone: calls fail now and then."""
+
+    FAILURES = (OSError(errno.ENOSPC, "No space left on device"), BrokenPipeError(), OSError(errno.EIO, "gone"))
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self.chance = random.Random(seed)
+        self.failed = 0
+
+    def _fail(self) -> None:
+        if self.chance.random() < 0.5:
+            self.failed += 1
+            raise self.chance.choice(self.FAILURES)
+
+    def write(self, text: str) -> int:
+        self._fail()
+        return super().write(text)
+
+    def flush(self) -> None:
+        self._fail()
+
+
+@given(st.integers(0, 2**32))
+def test_no_failing_stream_ends_a_node_that_prints(seed: int) -> None:
+    out, err = FailingStream(seed), FailingStream(seed + 1)
+    ticks = FunctionLoopFactory(lambda loop: (print("tick", flush=True), loop.store_data("x", 1)), "ticks", 20.0)
+    display = DisplayFactory(lambda data, pages: [], ["vehicle"], "link", rate_hz=20.0)
+    printer = PrinterEndpointFactory([TaskType.process_data])
+    runner = TestRunner(Config(factories={"test": [ticks, display, printer]}), until_s=1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "stdout", out)
+        patch.setattr(sys, "stderr", err)
+        patch.setattr("snr_sim.teleop.display.LINE_PERIOD_S", 0.0)
+        with record_output([runner.node]):
+            runner.run()
+    assert runner.node.datastore.stored >= 20
+    assert out.failed
+    assert err.failed
+
+
+def test_lines_of_a_stream_that_fails_now_and_then_are_whole() -> None:
+    stream = FailingStream(3)
+    for _ in range(100):
+        print_line(stream, "a line")
+    lines = stream.getvalue().splitlines()
+    assert 20 < len(lines) < 80
+    assert set(lines) == {"a line"}
+
+
+@given(st.text())
+def test_printed_line_has_no_control_characters(text: str) -> None:
+    stream = io.StringIO()
+    print_line(stream, text)
+    shown = stream.getvalue().encode().decode()
+    assert all(char.isprintable() or char in " \n\t\u200c\u200d" or char.isspace() for char in shown)
+    assert not set(shown) & set("\x1b\x07\r\x9b\u2028\u202e")

@@ -2,6 +2,7 @@
 
 import os
 import random
+import re
 import shutil
 import stat
 import struct
@@ -279,7 +280,10 @@ NAME_PARTS = [
 SEPARATORS = ["/", "\\", "//", "/./"]
 
 
-@hypothesis.given(st.builds(str.join, st.sampled_from(SEPARATORS), st.lists(st.sampled_from(NAME_PARTS), max_size=9)))
+any_part = st.sampled_from(NAME_PARTS) | st.text(st.characters(), max_size=12)
+
+
+@hypothesis.given(st.builds(str.join, st.sampled_from(SEPARATORS), st.lists(any_part, max_size=9)))
 def test_hostile_name_stays_inside_or_is_rejected(tmp_path_factory: pytest.TempPathFactory, name: str) -> None:
     try_name(tmp_path_factory.mktemp("name"), name)
 
@@ -289,10 +293,17 @@ def test_hostile_name_stays_inside_or_is_rejected(tmp_path_factory: pytest.TempP
 def test_hostile_names_stay_inside_or_are_rejected(tmp_path: Path, seed: int) -> None:
     rng = random.Random(seed)
     for number in range(10_000):
-        name = rng.choice(SEPARATORS).join(rng.choices(NAME_PARTS, k=rng.randrange(10)))
+        parts = [rng.choice(NAME_PARTS) if rng.random() < 0.5 else random_part(rng) for _ in range(rng.randrange(10))]
+        name = rng.choice(SEPARATORS).join(parts)
         (tmp_path / str(number)).mkdir()
         try_name(tmp_path / str(number), name)
         shutil.rmtree(tmp_path / str(number))
+
+
+def random_part(rng: random.Random) -> str:
+    """Return up to 12 characters: control characters, ASCII, Latin, or any that there are, halves too."""
+    end = rng.choice([0x20, 0x80, 0x100, 0x3000, 0x110000])
+    return "".join(chr(rng.randrange(end)) for _ in range(rng.randrange(13)))
 
 
 def try_name(box: Path, name: str) -> None:
@@ -303,12 +314,14 @@ def try_name(box: Path, name: str) -> None:
         with suppress(UnicodeEncodeError, IndexError), warnings.catch_warnings():  # half a character; no name at all
             warnings.simplefilter("ignore", UserWarning)  # the same name twice
             packed.writestr(name, b"hostile")
-    part = name.replace("/", "").replace("\0", "")
+    parts = [part for part in name.replace("\0", "").split("/") if part not in ("", ".", "..")]
     folder(box, depth_hold__py=CODE)
     with suppress(UnicodeEncodeError, OSError):  # names that the file system does not permit
-        (box / "ada" / part).open("xb").close()
+        file = Path(box, "ada", *parts)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.open("xb").close()
     for submission in (archive, box / "ada"):
-        before = everything_around(box)
+        before = everything_around(box, name)
         (box / "place").mkdir()
         try:
             place = import_submission(submission, REQUIRED_FILES, box / "place" / "private")
@@ -322,12 +335,12 @@ def try_name(box: Path, name: str) -> None:
             assert [one.name for one in (box / "place").iterdir()] == ["private"]
             remove(place.folder)
         (box / "place").rmdir()
-        assert everything_around(box) == before
+        assert everything_around(box, name) == before
 
 
-def everything_around(box: Path) -> list[tuple[Path, str]]:
+def everything_around(box: Path, name: str) -> list[tuple[Path, str]]:
     """Return where the files that hostile names could make are: in a folder, in all above it, in the current one."""
-    parts = {*NAME_PARTS, *os.listdir(box)}
+    parts = {*NAME_PARTS, *os.listdir(box), *re.split(r"[/\\]", name)}
     return [(one, name) for one in (box, *box.parents, Path.cwd()) for name in sorted(parts & set(os.listdir(one)))]
 
 

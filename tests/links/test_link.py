@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, LinkFaults, MemoryLink, Node, Page, SimRunner, SocketsPair, Task
+from snr_sim import Config, LinkFaults, MemoryLink, Node, Page, SimRunner, SocketsPair, Task, ZenohNet
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
 from snr_sim.links.link import MAX_REJECTED_KEYS
@@ -272,3 +272,30 @@ def test_page_about_a_peer_is_accepted_on_request(start: Callable[..., Any]) -> 
     robot = start("robot", [pair.client("reload")])
     robot.store("reload", {"ok": True})
     assert topside.until_stored("reload") == [{"ok": True}]
+
+
+@pytest.mark.parametrize("net", [False, True])
+def test_peer_with_a_thousand_other_keys_fills_no_memory(
+    net: bool, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("snr_sim.links.link.MAX_KEYS", 20)
+    keys = [f"key_\x1b{number}" for number in range(30)]
+
+    def store(loop: Any) -> None:
+        for number, key in enumerate(keys):
+            long = "x" * 5000 * (number % 2)  # the key of a long page is looked at before the page is decoded
+            loop.store_data(key, (loop.get_time_s(), long))
+
+    pair: Any = ZenohNet(name="tether", listen="tcp/127.0.0.1:7447") if net else SocketsPair((HERE, 1), name="tether")
+    ends = [pair.link(keys), pair.link()] if net else [pair.server(keys), pair.client()]
+    runner = simulate({"robot": [FunctionLoopFactory(store, rate_hz=2), ends[0]], "topside": [ends[1]]}, until_s=1.8)
+    topside = runner.nodes["topside"]
+    arrived = {key for key in topside.datastore.pages if "key_" in key}
+    assert arrived == {key for key in topside.datastore.pages if key.endswith(tuple(keys[:20]))}
+    assert len(arrived) == 20
+    assert min(topside.get_data(key)[0] for key in arrived) == 1.5  # those that it knows keep arriving
+    assert topside.get_data("link_tether")["rejected"] >= 20
+    (warning,) = [one.getMessage() for one in caplog.records if "different keys" in one.getMessage()]
+    assert "takes 20 different keys" in warning
+    assert "accept=[...]" in warning
+    assert warning.isprintable()

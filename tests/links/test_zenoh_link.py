@@ -15,10 +15,12 @@ from typing import Any
 
 import pytest
 
-from snr_sim import LinkFaults, Tls, ZenohNet
+from snr_sim import LinkFaults, TaskType, Tls, ZenohNet
 from snr_sim.links import zenoh_link
+from snr_sim.links.fair_queue import SHARE_BYTES
 from snr_sim.prelude.errors import MissingExtraError
 from snr_sim.prelude.page import Page
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 from .conftest import free_port
 
@@ -436,6 +438,28 @@ def test_non_page_is_counted_as_rejected(start: Start, net: ZenohNet, zenoh_sess
     friend = start("friend", [joins(net, "last")])
     friend.store("last", True)
     assert shore.until_stored("last") == [True]
+
+
+@pytest.mark.slow
+def test_page_waits_for_one_round_of_a_flood_that_arrived_before_it(
+    start: Start, net: ZenohNet, zenoh_session: Callable[[], Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[str] = []
+    handlers = {(TaskType.store_page, key): lambda task, task_id: order.append(task.name) for key in ("x", "stick")}
+    shore = start("shore", [net.link(accept=["x", "stick"]), FunctionEndpointFactory(handlers)], down="fleet")
+    pilot = start("pilot", [joins(net, "stick")], up="fleet")
+    link = shore.node.components["link_fleet"]
+    monkeypatch.setattr(link, "check_back_pressure", lambda: True)  # nothing is read until all is there
+    session, page = zenoh_session(), Page("x", "x" * 1000, "evil", 0.0).serialize()
+    for _ in range(2000):
+        session.put("snr/fleet/evil/evil/1/page/x", page, congestion_control=zenoh.CongestionControl.BLOCK)
+    shore.until(lambda: len(link.transport._inbox) >= 2000)
+    pilot.store("stick", 0.5)
+    shore.until(lambda: len(link.transport._inbox) >= 2001)
+    monkeypatch.undo()
+    link.transport.wake()
+    assert shore.until_stored("stick") == [0.5]
+    assert order.index("stick") < 2 * SHARE_BYTES / len(page)
 
 
 @pytest.mark.slow

@@ -5,6 +5,8 @@ import json
 import math
 import re
 import struct
+import sys
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from hypothesis.extra import numpy as hnp
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS, Page
 from snr_sim.prelude.snapshot import snapshot
-from snr_sim.prelude.values import decode_value, encode_value
+from snr_sim.prelude.values import MAX_KEYS_PER_HASH, decode_value, encode_value
 
 scalars = st.one_of(
     st.none(),
@@ -338,3 +340,53 @@ def test_page_without_a_field_is_rejected(validator: Any, field: str) -> None:
 def test_page_with_non_finite_time_round_trips() -> None:
     page = Page("k", (1, 2), "n", math.inf)
     assert Page.deserialize(page.serialize()) == page
+
+
+# Keys whose hashes a peer has computed
+
+
+def tuple_of_hash(first: int, target: int = 12345) -> tuple[int, int] | None:
+    """Return (first, second) with this hash, or None if no integer `second` does: tuplehash() of CPython."""
+    prime_1, prime_2, prime_5, word = 11400714785074694791, 14029467366897019727, 2870177450012600261, 2**64
+
+    def rotated(x: int, bits: int) -> int:
+        return (x << bits | x >> (64 - bits)) % word
+
+    before = rotated((prime_5 + first * prime_2) % word, 31) * prime_1 % word
+    after = rotated((target - (2 ^ prime_5 ^ 3527539)) * pow(prime_1, -1, word) % word, 33)
+    second = (after - before) * pow(prime_2, -1, word) % word
+    second -= word if second >= word // 2 else 0
+    return (first, second) if -sys.hash_info.modulus < second < sys.hash_info.modulus and second != -1 else None
+
+
+TUPLES = [pair for first in range(1, 1000) if (pair := tuple_of_hash(first)) is not None][:200]
+ONE_HASH: dict[str, list[Any]] = {
+    "integers": [5 + k * sys.hash_info.modulus for k in range(200)],
+    "tuples": TUPLES,
+    "tuples of tuples": [("key", pair) for pair in TUPLES],
+    "the same key": [(1, 2)] * 200,
+}
+
+
+@given(st.sampled_from(sorted(ONE_HASH)), st.integers(0, 200), st.lists(keys, max_size=20), st.randoms())
+def test_no_dict_has_more_keys_of_one_hash_than_its_bound(
+    family: str, count: int, others: list[Any], random: Any
+) -> None:
+    pairs = [(key, 0) for key in [*ONE_HASH[family][:count], *others]]
+    random.shuffle(pairs)
+    raw = json.dumps({"$": "dict", "v": [[json.loads(encode_value(key)), 0] for key, _ in pairs]})
+    if max(Counter(hash(key) for key, _ in pairs).values(), default=0) <= MAX_KEYS_PER_HASH:
+        assert decode_value(raw) == dict(pairs)
+    else:
+        with pytest.raises(ValueEncodingError, match="of its keys have the same hash"):
+            decode_value(raw)
+
+
+def test_keys_of_a_map_or_a_table_are_far_from_the_bound() -> None:
+    places = [(0.5 * i, -0.5 * k) for i in range(-40, 40) for k in range(-40, 40)]
+    powers = [2.0**k for k in range(-1074, 1024)] + [2**k for k in range(64)] + [-(2**k) for k in range(64)]
+    for found in (places, powers, [(i, k, True) for i in range(80) for k in range(80)]):
+        value = dict.fromkeys(found, 1)
+        assert decode_value(encode_value(value)) == value
+    assert len({hash(pair) for pair in TUPLES}) == 1
+    assert len(TUPLES) == 200

@@ -5,6 +5,7 @@ import os
 import random
 import shutil
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -185,6 +186,30 @@ def test_full_disk_does_not_end_robot_and_page_reports_loss(
     output = capsys.readouterr().err
     assert output.count("The recording stops") == 1
     assert "The run continues." in output
+    assert robot.node.exit_reason == "done"
+
+
+class FullStream:
+    """Standard error in a log on the disk that is full."""
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    flush = write
+
+
+def test_full_disk_with_the_log_on_it_ends_neither_robot_nor_flusher(
+    robots: Robots, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stderr", FullStream())
+    robot = robots.on(Disk(5_000))
+    robot.writer._failure = OSError(errno.ENOSPC, "No space left on device")
+    robot.run(1.0)  # the first report is on the robot's own thread
+    robot.run(1.0)
+    assert robot.node.datastore.stored > 100
+    run_until(robot, is_reported(robot))
+    assert robot.writer._flusher.is_alive()
+    end(robot)
     assert robot.node.exit_reason == "done"
 
 

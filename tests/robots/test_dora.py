@@ -71,6 +71,20 @@ def test_rooms_are_explored(scenario: str, seeds: range) -> None:
     assert all(one.metrics["way_m"] > 20.0 for one in results)
 
 
+@pytest.mark.parametrize("scenario", ["dora_corners", "dora_people"])
+def test_first_half_minute_hits_nothing(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole of these runs takes 3 s of CPU time each, and so is slow."""
+    simulation = prepare(Request(scenario, 0))
+    monkeypatch.setattr(simulation.scenario, "TIME_LIMIT_S", 30.0)
+    plant = simulation.plant()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
+    assert (result.error, result.notes) == ("", [])
+    assert result.sim_time_s == pytest.approx(30.0)
+    assert result.metrics["hit_mps"] < 0.1
+    assert result.metrics["way_m"] > 3.0
+    assert result.metrics["seen_share"] > 0.5
+
+
 def test_straight_driver_hits_the_wall(tmp_path: Path) -> None:
     file = tmp_path / "blind.lrp"
     drive = "robot.motor_a.start(50); robot.motor_d.start(50)"

@@ -1,16 +1,21 @@
 """A person who commands the underwater vehicle: which stick does what, and what the display shows of its pages."""
 
+import io
 import math
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
 
 from snr_sim import Config, SimRunner, TaskType, TestRunner
 from snr_sim.devices.gamepad import GamepadLoopFactory
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import GamepadReading
 from snr_sim.scenario import library
+from snr_sim.teleop.display import table_of
 from snr_sim.teleop.gamepad_pilot import AXIS_COUNT, BUTTON_COUNT
 from snr_sim.testing.fakes import FakeSensor
 from snr_sim.testing.function_components import FunctionEndpoint, FunctionEndpointFactory, FunctionLoopFactory
@@ -61,7 +66,11 @@ def shown(age_s: float = 0.1, wet: bool = False, **changes: Any) -> dict[str, st
         "power": {"voltage_v": 15.9, "current_a": 4.2},
         "leak": {"is_wet": wet},
     }
-    return dict(display().rows({key: Page(key, value, "urov", 10.0, True) for key, value in data.items()}, age_s))
+    return texts({key: Page(key, value, "urov", 10.0, True) for key, value in data.items()}, age_s)
+
+
+def texts(pages: dict[str, Page | None], age_s: float) -> dict[str, str]:
+    return {name: text for name, text, _ in display().rows(pages, age_s)}
 
 
 def test_display_shows_state_and_setpoints() -> None:
@@ -75,8 +84,8 @@ def test_display_shows_state_and_setpoints() -> None:
 def test_display_shows_warnings() -> None:
     assert "silent for 1.5 s" in shown(age_s=1.5)["vehicle"]
     assert "EMERGENCY STOP" in shown(is_stopped=True)["state"]
-    assert shown(is_battery_low=True)["low"] == "[red]BATTERY LOW[/red]"
-    assert shown(is_battery_low=True, control_state="surface")["low"] == "[red]BATTERY LOW, the vehicle comes up[/red]"
+    assert shown(is_battery_low=True)["low"] == "BATTERY LOW"
+    assert shown(is_battery_low=True, control_state="surface")["low"] == "BATTERY LOW, the vehicle comes up"
     assert "WATER" in shown(wet=True)["leak"]
     assert "40%" in shown(thrust_scale=0.4)["thrusters"]
     assert "warp" in shown(rejected_command="There is no mode 'warp'.")["rejected"]
@@ -89,7 +98,7 @@ def test_display_for_pilot_shows_keys_and_position() -> None:
         "position_fix": Page("position_fix", {"position_m": [-9.0, 0.25, -1.5]}, "topside", 1.0, True),
         **dict.fromkeys(("depth", "altitude", "power", "leak")),
     }
-    rows = dict(display().rows(pages, 0.1))
+    rows = texts(pages, 0.1)
     assert rows["state"] == "disarmed: 1 (start) arms, depth_hold, control: pilot"
     assert rows["position"] == "-9.0 m east, 0.2 m north, 1.5 m deep"
     assert "arms" not in shown(is_armed=False)["state"]  # of a script
@@ -97,10 +106,10 @@ def test_display_for_pilot_shows_keys_and_position() -> None:
 
 def test_display_shows_failsafes_and_actions() -> None:
     failed = {"leak": "water in the hull; surface"}
-    assert shown(failsafes=failed, control_state="surface")["failsafe"] == "[red]leak: water in the hull; surface[/red]"
+    assert shown(failsafes=failed, control_state="surface")["failsafe"] == "leak: water in the hull; surface"
     assert "failsafe" not in shown()
     assert "failsafe" in NEWS
-    assert "[red]disarmed: port [/dev" in shown(output_fault="port [/dev/ttyUSB0] is gone")["outputs"].replace("\\", "")
+    assert shown(output_fault="port [/dev/ttyUSB0] is gone")["outputs"] == "disarmed: port [/dev/ttyUSB0] is gone"
 
 
 @pytest.mark.parametrize(
@@ -128,7 +137,7 @@ def test_display_survives_invalid_pages(key: str, data: Any) -> None:
         "leak": {"is_wet": False},
         key: data,
     }
-    rows = dict(display().rows({name: Page(name, value, "urov", 10.0, True) for name, value in pages.items()}, 0.1))
+    rows = texts({name: Page(name, value, "urov", 10.0, True) for name, value in pages.items()}, 0.1)
     assert "cannot be shown" in rows["pages"]
 
 
@@ -152,3 +161,61 @@ def test_display_caption_equals_failsafe_table(monkeypatch: pytest.MonkeyPatch) 
     parts = [display(lines=lines), FunctionLoopFactory(takes_the_screen, "screen")]
     TestRunner(Config(factories={"test": parts}), until_s=2.0).run()
     assert tables[-1].caption.plain.splitlines() == lines
+
+
+texts_of_a_peer = st.text("[]/\\:x \x1b\x07\x9b\u202e\n", max_size=8) | st.sampled_from(
+    ["[/]", "[/x]", "\x1b[2J", "[red]"]
+)
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | texts_of_a_peer,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts_of_a_peer, inner, max_size=3),
+    max_leaves=5,
+)
+GOOD: dict[str, dict[str, Any]] = {
+    "vehicle": {**VEHICLE, "output_fault": "", "failsafes": {}},
+    "recording": {"since_s": 1.0, "lost": 5, "reason": "No space left on device"},
+    "link_tether": {"up": False, "reason": "waits"},
+    "gamepad": {"is_connected": True},
+    "depth": {"depth_m": 1.98},
+    "altitude": {"distance_m": 2.5, "confidence": 1.0},
+    "power": {"voltage_v": 15.9, "current_a": 4.2},
+    "leak": {"is_wet": False},
+    "position_fix": {"position_m": [1.0, 2.0, -3.0]},
+}
+
+
+@st.composite
+def pages_of_a_peer(draw: st.DrawFn) -> dict[str, Page | None]:
+    """Return pages of which some are not there, some are anything, and some have fields that are anything."""
+    pages: dict[str, Page | None] = dict.fromkeys(GOOD)
+    for key, good in GOOD.items():
+        kind = draw(st.sampled_from(["good", "field", "none", "any"]))
+        changed = {name: draw(values) for name in draw(st.sets(st.sampled_from(sorted(good))))}
+        data = {"good": good, "field": {**good, **changed}, "any": draw(values)}
+        if kind != "none":
+            pages[key] = Page(key, data[kind], draw(texts_of_a_peer), 10.0, True)
+    return pages
+
+
+@given(pages_of_a_peer(), st.floats(0.0, 2.0), st.booleans())
+def test_no_page_of_a_peer_ends_the_display_or_controls_the_terminal(
+    pages: dict[str, Page | None], silence_s: float, has_keys: bool
+) -> None:
+    shown = display(has_gamepad=True).rows(pages, silence_s, has_keys)
+    drawn = io.StringIO()
+    console = Console(file=drawn, width=400, color_system=None)
+    console.print(table_of(shown, "t = 1.0 s", ["1 (start) arms"]))
+    assert all(line.isprintable() for line in drawn.getvalue().splitlines())
+    assert drawn.getvalue().count("\n") < len(shown) + 8  # and no row has a second line
+    for _, text, _ in shown:
+        assert text.isprintable()
+        assert text in drawn.getvalue()  # literally, whatever markup it looks like
+
+
+def test_page_with_thousands_of_failsafes_shows_a_screenful() -> None:
+    many = {f"cause {i}": "x" * 10_000 for i in range(5000)}
+    pages = {key: Page(key, data, "urov", 10.0, True) for key, data in GOOD.items()}
+    pages["vehicle"] = Page("vehicle", {**GOOD["vehicle"], "failsafes": many}, "urov", 10.0, True)
+    shown = display().rows(pages, 0.1)
+    assert len(shown) == 50
+    assert max(len(text) for _, text, _ in shown) < 400

@@ -5,6 +5,7 @@ plain_client.py link HOST PORT SECRET PAGES KEY DATA   sends a page of KEY, prin
 """
 
 import base64
+import collections
 import hashlib
 import hmac
 import json
@@ -26,6 +27,8 @@ LETTERS = dict(zip((*INTEGERS, *FLOATS), "?bhiqBHIQefd", strict=True))
 def value(fields):
     """Brings back an object of JSON: json.loads calls it for each, the inner ones first."""
     mark = fields.get("$")
+    if mark == "dict" and max(collections.Counter(hash(key) for key, _ in fields["v"]).values(), default=0) > 64:
+        sys.exit("more than 64 keys of a dict have the same hash")
     if mark in SIMPLE:
         return SIMPLE[mark](fields["v"])
     if mark == "array" and "b64" in fields:  # flat; the shape is in a field of its own

@@ -86,6 +86,15 @@ def test_reader_returns_marked_values(unusual: Trace) -> None:
 
 
 @pytest.mark.slow
+def test_reader_rejects_keys_that_were_computed_to_have_one_hash(unusual: Trace) -> None:
+    lines = unusual.path.read_bytes().splitlines(keepends=True)
+    pairs = ",".join(f'[{{"$":"int","v":"{hex(5 + k * sys.hash_info.modulus)}"}},0]' for k in range(10, 75))
+    lines.append(b'{"seq":%d,"kind":"input","values":[{"$":"dict","v":[%s]}]}\n' % (len(lines) - 1, pairs.encode()))
+    unusual.path.write_bytes(b"".join(lines))
+    assert "more than 64 keys of a dict have the same hash" in run("trace", unusual.path).stderr
+
+
+@pytest.mark.slow
 def test_reader_ignores_a_truncated_tail_and_rejects_a_moved_line(unusual: Trace) -> None:
     data = unusual.path.read_bytes()
     unusual.path.write_bytes(data[:-5])

@@ -16,21 +16,22 @@ VEHICLE = {"state": "armed"}
 def display(**options: Any) -> DisplayFactory:
     """The display of a vehicle that reports its state and nothing else."""
     return DisplayFactory(
-        lambda vehicle, pages: [("state", vehicle["state"])], ["vehicle"], "link", ["state"], **options
+        lambda vehicle, pages: [("state", vehicle["state"], "")], ["vehicle"], "link", ["state"], **options
     )
 
 
 def rows(silence_s: float = 0.1, has_keys: bool = True, **pages: Page | None) -> dict[str, str]:
-    return dict(display().rows({"vehicle": None, **pages}, silence_s, has_keys))
+    shown = display().rows({"vehicle": None, **pages}, silence_s, has_keys)
+    return {name: f"{style}: {text}" if style else text for name, text, style in shown}
 
 
 def test_display_shows_surface_problems() -> None:
     pulled = Page("gamepad", {"is_connected": False}, "topside", 1.0, True)
-    assert rows(gamepad=pulled)["manual_input"] == "[yellow]keyboard: no game controller[/yellow]"
+    assert rows(gamepad=pulled)["manual_input"] == "yellow: keyboard: no game controller"
     assert "no manual input" in rows(has_keys=False, gamepad=pulled)["manual_input"]
     lost = Page("recording", {"since_s": 5.5, "lost": 90, "reason": "No space left on device"}, "rover", 6.0)
-    assert rows(recording=lost)["recording"] == "[red]lost at rover since its t = 5.5 s: No space left on device[/red]"
-    assert rows() == {"vehicle": "[red]nothing received yet[/red]"}
+    assert rows(recording=lost)["recording"] == "red: lost at rover since its t = 5.5 s: No space left on device"
+    assert rows() == {"vehicle": "red: nothing received yet"}
 
 
 def test_display_shows_link_reason_before_first_page() -> None:
@@ -42,7 +43,7 @@ def test_display_shows_link_reason_before_first_page() -> None:
 def test_status_of_silent_vehicle_is_dim_and_marked_as_old() -> None:
     page = Page("vehicle", VEHICLE, "rover", 10.0, True)
     assert rows(vehicle=page) == {"vehicle": "received 0.10 s ago", "state": "armed"}
-    silent = {"vehicle": "[red]silent for 1.5 s[/red]", "state": "[dim]last received: armed[/dim]"}
+    silent = {"vehicle": "red: silent for 1.5 s", "state": "dim: last received: armed"}
     assert rows(1.5, vehicle=page) == silent
 
 

@@ -13,25 +13,21 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from multiprocessing.connection import Connection, Pipe, wait
-from typing import TextIO
 
 from snr_sim.core.process import spawned
 from snr_sim.core.process.messages import MessageLine
-from snr_sim.core.standard_streams import open_closed_streams
+from snr_sim.core.standard_streams import forward_line, open_closed_streams
 from snr_sim.prelude.errors import ConfigError
 
 LAST_LINES = 20
 _MAX_LINE_BYTES = 64 * 1024  # a longer line is forwarded in pieces
 # Time for a process to end after it has closed its connection.
 _END_S = 1.0
-
-_printing = threading.Lock()
 
 
 class OutputReader:
@@ -79,7 +75,7 @@ class SpawnedProcess:
         err: Callable[[str], None] | None = None,
     ) -> None:
         self.last: deque[str] = deque(maxlen=LAST_LINES)
-        self._err = err or partial(print_line, sys.stderr)
+        self._err = err or partial(forward_line, sys.stderr)
         self._process, line = start_process(
             target, fds, stdout=None if out is None else subprocess.PIPE, stderr=subprocess.PIPE
         )
@@ -202,11 +198,3 @@ def describe_exit(status: int) -> str:
         return f"was ended by {signal.Signals(-status).name}"
     except ValueError:
         return f"was ended by signal {-status}"
-
-
-def print_line(stream: TextIO, line: str) -> None:
-    """Print a whole line, from any thread; do nothing if the stream is closed or its reader has gone."""
-    # One at a time: Python's text streams have lost a line when a second thread wrote while the first one flushed.
-    with _printing, suppress(ValueError, OSError):
-        stream.write(line + "\n")
-        stream.flush()

@@ -22,6 +22,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from snr_sim.core.process import spawned
+from snr_sim.core.standard_streams import print_line
 from snr_sim.devices.wire import lease_messages as wire
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import DeviceError, SnrError
@@ -199,6 +200,5 @@ def run(line: Connection) -> int:
     finally:
         supervisor.end(time.sleep)  # before the answer is sent: the other process may be gone
     if not supervisor.has_closed:
-        with suppress(OSError):
-            print(f"Outputs have gone to neutral: {reason}.", file=sys.stderr)  # noqa: T201
+        print_line(sys.stderr, f"Outputs have gone to neutral: {reason}.")
     return 0

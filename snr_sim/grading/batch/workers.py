@@ -22,7 +22,8 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.process.spawn import SpawnedProcess, describe_exit, print_line
+from snr_sim.core.process.spawn import SpawnedProcess, describe_exit
+from snr_sim.core.standard_streams import print_line
 from snr_sim.grading.batch.worker import JOB_CPU_S, Job, ungraded_result
 from snr_sim.grading.reports.results import Graded, decode_graded
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from snr_sim.grading.reports.class_table import Summary
 from snr_sim.grading.reports.feedback import number
-from snr_sim.grading.reports.plain import one_line
+from snr_sim.prelude.text import one_line
 from snr_sim.view.picture_sheet import Area, Rgb, Sheet, color, picture
 
 _BINS = 10

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections import Counter
 
-from snr_sim.grading.reports.plain import one_line, plain
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
+from snr_sim.prelude.text import one_line, plain
 
 _MAX_CASES = 60
 

@@ -1,41 +1,16 @@
-"""Untrusted text escaped for where it is shown: a student's program may print anything.
+"""Untrusted text escaped for Markdown and for tables: a student's program may print anything.
 
-Invisible characters, and those that a terminal, a browser or a spreadsheet would interpret, are shown as escapes.
+Characters that a browser or a spreadsheet would interpret are escaped, after those of `prelude/text.py`.
 """
 
 from __future__ import annotations
 
 import re
-import unicodedata
 
-_KEPT = "\n\t\u200c\u200d"  # the last two join letters in Persian and Indian scripts, and emoji
-_HIDDEN = {"Cc", "Cf", "Cs", "Cn", "Co", "Zl", "Zp"}
+from snr_sim.prelude.text import one_line, plain
+
 _MARKDOWN = re.compile(r"([\\`*_\[\]<>|#~&!@])")
 _FORMULA = ("=", "+", "-", "@", "\t", "|", "%")
-
-
-def plain(text: str, limit: int = 4000) -> str:
-    """Return a text in which all that is there can be seen, cut to a length.
-
-    >>> print(plain("red \\x1b[31m, back \\u202e, bell \\a, half \\ud800"))
-    red \\x1b[31m, back \\u202e, bell \\x07, half \\ud800
-    """
-    shown = "".join(map(_visible, text[:limit]))
-    return shown if len(text) <= limit else f"{shown} ... ({len(text) - limit} characters more)"
-
-
-def _visible(char: str) -> str:
-    is_seen = char in _KEPT or unicodedata.category(char) not in _HIDDEN
-    return char if is_seen else char.encode("unicode_escape").decode()
-
-
-def one_line(text: str, limit: int = 300) -> str:
-    """Return a text on one line.
-
-    >>> one_line("a\\n  b\\r\\n\\tc")
-    'a b c'
-    """
-    return plain(" ".join(text.split()), limit)
 
 
 def markdown(text: str) -> str:

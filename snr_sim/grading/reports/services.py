@@ -13,9 +13,9 @@ from typing import Any
 from xml.etree import ElementTree
 
 from snr_sim.grading.reports import feedback
-from snr_sim.grading.reports.plain import one_line, plain
 from snr_sim.grading.reports.results import CheckResult, Graded
 from snr_sim.grading.reports.student_page import FAULT
+from snr_sim.prelude.text import one_line, plain
 
 _MAX_OUTPUT_CHARS = 20_000
 

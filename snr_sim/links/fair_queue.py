@@ -1,0 +1,80 @@
+"""FairQueue: frames that have arrived from several peers and wait to be read. No peer can use up the others' places."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Hashable, Sized
+from typing import Generic, TypeVar
+
+from snr_sim.links.send_queue import MAX_WAITING_BYTES, Policy
+
+Frame = TypeVar("Frame", bound=Sized)
+
+SHARE_BYTES = 8 * 1024  # of a peer in a round, as in streams.py
+
+
+class FairQueue(Generic[Frame]):
+    """First in, first out for each peer; peers are read in rounds of equal shares.
+
+    A full queue drops and counts pages of the peer of which most bytes wait, and never blocks.
+
+    Args:
+        max_pages: maximum number of frames that wait.
+        policy: which page of that peer is dropped: "drop_oldest", or "refuse" the newest.
+        max_bytes: limit of all frames together; a longer frame may wait alone.
+    """
+
+    def __init__(
+        self, max_pages: int = 10_000, policy: Policy = "drop_oldest", max_bytes: int = MAX_WAITING_BYTES
+    ) -> None:
+        self.dropped: int = 0
+        self._max_pages, self._max_bytes, self._policy = max_pages, max_bytes, policy
+        self._frames: dict[Hashable, deque[Frame]] = {}  # of peers of which some wait, the next to be read first
+        self._bytes: dict[Hashable, int] = {}
+        self._count = self._total_bytes = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def put(self, peer: Hashable, frame: Frame) -> None:
+        """Add a frame of a peer."""
+        self._frames.setdefault(peer, deque()).append(frame)
+        self._bytes[peer] = self._bytes.get(peer, 0) + len(frame)
+        self._total_bytes += len(frame)
+        self._count += 1
+        # Rarely more than one turn: each frame that arrives displaces as much as it brings.
+        while self._count > 1 and (self._count > self._max_pages or self._total_bytes > self._max_bytes):
+            fullest = max(self._bytes, key=lambda one: (self._bytes[one], len(self._frames[one])))
+            self._remove(fullest, is_newest=self._policy == "refuse")
+            self.dropped += 1
+
+    def take(self, max_bytes: int) -> list[Frame]:
+        """Remove and return frames: at least one if any waits, and about `max_bytes` at most.
+
+        >>> queue = FairQueue()
+        >>> for peer, frame in (("a", b"1"), ("a", b"2" * SHARE_BYTES), ("a", b"3"), ("b", b"4")):
+        ...     queue.put(peer, frame)
+        >>> [frame[:1] for frame in queue.take(10 * SHARE_BYTES)]
+        [b'1', b'2', b'4', b'3']
+        """
+        frames: list[Frame] = []
+        left_bytes = max_bytes
+        while self._count and (left_bytes > 0 or not frames):
+            peer, share_bytes = next(iter(self._frames)), SHARE_BYTES
+            while peer in self._frames and share_bytes > 0:
+                frames.append(self._remove(peer))
+                share_bytes -= len(frames[-1])
+            left_bytes -= SHARE_BYTES - share_bytes
+            if peer in self._frames:
+                self._frames[peer] = self._frames.pop(peer)  # behind all others
+        return frames
+
+    def _remove(self, peer: Hashable, *, is_newest: bool = False) -> Frame:
+        waiting = self._frames[peer]
+        frame = waiting.pop() if is_newest else waiting.popleft()
+        self._bytes[peer] -= len(frame)
+        self._total_bytes -= len(frame)
+        self._count -= 1
+        if not waiting:
+            del self._frames[peer], self._bytes[peer]
+        return frame
