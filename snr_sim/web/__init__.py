@@ -1,0 +1,1 @@
+"""Pages in a browser, served by a running node or over its recorded run."""
