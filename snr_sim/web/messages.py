@@ -12,9 +12,10 @@ bounds that the types state; the schema `live.schema.json` is made of these clas
      |  SetValue, Do -->                       |   the next State shows what they did
      |  Show -->            <-- State          |   `is_live` false: of the moment that was asked for
      |  Why -->             <-- WhyAnswer      |
-     |                      <-- Gone           |   last
+     |                      <-- Refused        |   a message that could not be carried out; the connection stays
+     |                      <-- Gone           |   last: the connection is closed
 
-The page is at `/machine/NAME/` and its WebSocket at `socket` beside it; scripts and styles are at `/static/FILE`. The
+The page is at `/machine/NAME/` and its WebSocket at `/machine/NAME/socket`; scripts and styles are at `/static/FILE`. The
 page must keep the texts that it got by `number`: a State names the program it belongs to, and each is sent once.
 
 From the server:
@@ -36,7 +37,8 @@ From the server:
 
     {"kind": "edited", "number": 7, "ok": false, "is_stale": false, "program": 1, "sha256": "9f...", "text": null,
      "problems": [{"line": 3, "column": 5, "end_line": 3, "end_column": 9,
-     "message": "There is no state 'forwad' here.", "fix": "did you mean 'forward'?", "is_error": true}], "notes": [], "kept": [], "restarted": [], "stopped": []}
+     "message": "There is no state 'forwad' here.", "fix": "did you mean 'forward'?", "is_error": true}],
+     "notes": [], "kept": [], "restarted": [], "stopped": []}
 
     {"kind": "why", "machine": "dora", "transition": "bump", "from_s": 10.0, "until_s": 12.0, "error": "",
      "left_out": 0, "rows": [{"machine": "dora", "state": "forward", "transition": "bump", "target": "backing",
@@ -45,6 +47,8 @@ From the server:
 
     {"kind": "timeline", "is_complete": true, "until_s": 12.5, "moments": [{"t_s": 0.0, "machine": "dora",
      "kind": "spawn", "name": "spawn", "source": "", "target": "waiting", "held_s": 0.0, "line": 6, "number": 1}]}
+
+    {"kind": "refused", "message": "set", "reason": "There is no variable 'dora.sid'. Try: did you mean 'dora.side'?"}
 
     {"kind": "gone", "reason": "The run has ended: explored."}
 
@@ -70,6 +74,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
+from snr_sim.web.message_parts import Command, Graph, Moment, Problem, Reading, RobotPart, WhyRow
+
 MAX_MESSAGE_BYTES = 1 << 18  # of a message of the page
 MAX_TEXT_CHARS = 200_000  # of a program
 MAX_NAME_CHARS = 500
@@ -83,155 +89,8 @@ RunTime: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 Integer: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]  # what JavaScript counts exactly
 
 
-class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a message contains."""
-
-
 class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """A message."""
-
-
-# -- what messages contain --------------------------------------------------------------------------------------------
-
-
-class Problem(_Part, frozen=True):
-    """A mistake in a program, or a block that failed while it ran: as `snr machine check --json` prints it.
-
-    Args:
-        line, column, end_line, end_column: from 1; 0 if unknown. The end is the character after it.
-        message: what is wrong.
-        fix: what to try; may be empty.
-        is_error: otherwise it is a warning.
-    """
-
-    line: int
-    column: int
-    end_line: int
-    end_column: int
-    message: str
-    fix: str
-    is_error: bool
-
-
-class Arrow(_Part, frozen=True):
-    """A transition as it is declared.
-
-    Args:
-        kind: on, ontime, eps or exit. The target of an exit is a state of the machine around.
-        source: a state, or '*' for every state but the target.
-        line: in the text; 0 if unknown.
-        label: its condition, signal or time, for a drawing.
-    """
-
-    name: str
-    kind: Literal["on", "ontime", "eps", "exit"]
-    source: str
-    target: str
-    line: int
-    label: str
-
-
-class GraphState(_Part, frozen=True):
-    """A state, and the machines inside it."""
-
-    name: str
-    line: int
-    machines: list[Graph]
-
-
-class Graph(_Part, frozen=True):
-    """A machine as a drawing needs it.
-
-    Args:
-        path: as in `active`, such as "dora/looking/scan".
-        initial: the state in which it begins.
-        transitions: in the order in which they are tried.
-    """
-
-    path: str
-    name: str
-    initial: str
-    line: int
-    states: list[GraphState]
-    transitions: list[Arrow]
-
-
-class Moment(_Part, frozen=True):
-    """A change of state, as the event "<name>.transition" has it.
-
-    Args:
-        kind: of the transition: on, ontime, eps, exit; or spawn, stop, edit.
-        name: of the transition.
-        source, target: states; empty if the machine did not run before, or does not run afterwards.
-        held_s: time in the source.
-        line: in the text of program `number`; 0 if unknown.
-    """
-
-    t_s: float
-    machine: str
-    kind: str
-    name: str
-    source: str
-    target: str
-    held_s: float
-    line: int
-    number: int
-
-
-class Reading(_Part, frozen=True):
-    """A part of the robot that is read: value, age, and the age from which it is not given to the program.
-
-    Null: there is none, or no limit.
-    """
-
-    value: Any
-    age_s: float | None
-    limit_s: float | None
-
-
-class Command(_Part, frozen=True):
-    """A part of the robot that is commanded: the newest command, and the time until it was applied, if known."""
-
-    value: Any
-    delay_s: float | None
-
-
-class RobotPart(_Part, frozen=True):
-    """A part of the robot that blocks can name.
-
-    Args:
-        functions: that it has, as in `robot.ultra.read()`.
-        low, high: limits of its commands.
-    """
-
-    name: str
-    functions: list[str]
-    unit: str
-    low: float | None
-    high: float | None
-
-
-class WhyRow(_Part, frozen=True):
-    """How often a transition was looked at in an interval, and what its condition found.
-
-    Args:
-        longest_s: longest time in the state when it was looked at.
-        after_s: time that it waits for.
-        values: range of each part of its condition, as text.
-        errors: how often the condition failed, by error.
-    """
-
-    machine: str
-    state: str
-    transition: str
-    target: str
-    line: int
-    evaluated: int
-    taken: int
-    longest_s: float
-    after_s: float | None
-    values: dict[str, str]
-    errors: dict[str, int]
 
 
 # -- from the server --------------------------------------------------------------------------------------------------
@@ -276,7 +135,7 @@ class State(_Message, frozen=True, tag="state"):
     """What a machine does at one moment.
 
     Args:
-        is_live: false in the answer to Show.
+        is_live: whether it is the newest; false in the answer to Show.
         number: of the program then; its text was sent before.
         active: the state of each machine that runs, by path; outer ones first.
         entered_s: when each of them entered it.
@@ -307,7 +166,7 @@ class Program(_Message, frozen=True, tag="program"):
     """Another program than that of Hello: from an edit, or from another time of the run.
 
     Args:
-        by: what edited it, such as 'page' or 'watch'; 'start' for the first one.
+        by: 'start' for the first one, 'page' if a live page edited it, otherwise 'elsewhere': a file, a console.
         t_s: when it began.
     """
 
@@ -317,7 +176,7 @@ class Program(_Message, frozen=True, tag="program"):
     files: dict[str, str]
     graph: list[Graph]
     signals: list[str]
-    by: str
+    by: Literal["start", "page", "elsewhere"]
     t_s: float
 
 
@@ -373,6 +232,13 @@ class Timeline(_Message, frozen=True, tag="timeline"):
     moments: list[Moment]
     until_s: float
     is_complete: bool
+
+
+class Refused(_Message, frozen=True, tag="refused"):
+    """A message could not be carried out: its `kind`, and why. Nothing has changed."""
+
+    message: str
+    reason: str
 
 
 class Gone(_Message, frozen=True, tag="gone"):
@@ -436,7 +302,7 @@ class Why(_Message, frozen=True, tag="why"):
     until_s: RunTime
 
 
-FromServer: TypeAlias = Hello | State | Program | Edited | WhyAnswer | Timeline | Gone
+FromServer: TypeAlias = Hello | State | Program | Edited | WhyAnswer | Timeline | Refused | Gone
 FromPage: TypeAlias = Edit | SetValue | Do | Show | Why
 
 encode: Callable[[FromServer], bytes] = msgspec.json.Encoder().encode
