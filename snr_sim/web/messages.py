@@ -9,13 +9,13 @@ bounds that the types state; the schema `live.schema.json` is made of these clas
      |                      <-- State          |   at most 30 times a second, when something has changed
      |                      <-- Program        |   before the first State of another program
      |  Edit -->            <-- Edited         |   each edit is answered, by its number
-     |  SetValue, Do -->                       |   the next State shows what they did
+     |  SetValue, Do, Give -->                 |   the next State shows what they did
      |  Show -->            <-- State          |   `is_live` false: of the moment that was asked for
      |  Why -->             <-- WhyAnswer      |
      |                      <-- Refused        |   a message that could not be carried out; the connection stays
      |                      <-- Gone           |   last: the connection is closed
 
-The page is at `/machine/NAME/` and its WebSocket at `/machine/NAME/socket`; scripts and styles are at `/static/FILE`. The
+The page is at `/machine/NAME/`, its WebSocket at `/machine/NAME/socket`; scripts and styles are at `/static/FILE`. The
 page must keep the texts that it got by `number`: a State names the program it belongs to, and each is sent once.
 
 From the server:
@@ -63,6 +63,7 @@ From the page:
     {"kind": "edit", "number": 7, "text": "(machine dora ...", "base_sha256": "9f..."}
     {"kind": "set", "path": "dora.side", "value": 1}
     {"kind": "do", "what": "pause"}
+    {"kind": "give", "signal": "halt"}
     {"kind": "show", "t_s": 3.25}
     {"kind": "why", "machine": "dora", "transition": "bump", "from_s": 10.0, "until_s": 12.0}
 """
@@ -85,6 +86,7 @@ Name: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_NAME_CHARS)]
 ShortText: TypeAlias = Annotated[str, msgspec.Meta(max_length=10_000)]
 Text: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_TEXT_CHARS)]
 Sha256: TypeAlias = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+By: TypeAlias = Literal["start", "page", "elsewhere"]
 RunTime: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 Integer: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]  # what JavaScript counts exactly
 
@@ -176,7 +178,7 @@ class Program(_Message, frozen=True, tag="program"):
     files: dict[str, str]
     graph: list[Graph]
     signals: list[str]
-    by: Literal["start", "page", "elsewhere"]
+    by: By
     t_s: float
 
 
@@ -271,6 +273,12 @@ class SetValue(_Message, frozen=True, tag="set"):
     value: Integer | float | ShortText | bool | None
 
 
+class Give(_Message, frozen=True, tag="give"):
+    """Give a signal that the program waits for."""
+
+    signal: Name
+
+
 class Do(_Message, frozen=True, tag="do"):
     """Press a button.
 
@@ -303,7 +311,7 @@ class Why(_Message, frozen=True, tag="why"):
 
 
 FromServer: TypeAlias = Hello | State | Program | Edited | WhyAnswer | Timeline | Refused | Gone
-FromPage: TypeAlias = Edit | SetValue | Do | Show | Why
+FromPage: TypeAlias = Edit | SetValue | Do | Give | Show | Why
 
 encode: Callable[[FromServer], bytes] = msgspec.json.Encoder().encode
 decode_from_page: Callable[[str | bytes], FromPage] = msgspec.json.Decoder(FromPage).decode

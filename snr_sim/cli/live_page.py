@@ -1,0 +1,90 @@
+"""`snr run --live`: a page in the browser for the state machines of a run."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from snr_sim.prelude.errors import ParameterError
+
+if TYPE_CHECKING:
+    from snr_sim.core.config import Config
+    from snr_sim.web.live import LiveLoopFactory
+
+LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class LivePage:
+    """A live page that was asked for.
+
+    Args:
+        port: 0 takes a free one.
+        host: address of this computer on which it is served.
+        token_file: has the token of the page; a new token is made if it is None.
+    """
+
+    port: int = 0
+    host: str = LOOPBACK
+    token_file: Path | None = None
+
+    @staticmethod
+    def of_options(is_asked: bool, port: int, host: str, token_file: Path | None) -> LivePage | None:
+        """Return what the options of `snr run` ask for; None if they ask for nothing.
+
+        Raises:
+            ParameterError: an option of the page was given without `--live`.
+        """
+        if is_asked:
+            return LivePage(port, host, token_file)
+        if (port, host, token_file) != (0, LOOPBACK, None):
+            raise ParameterError("--live-port, --live-host and --live-token-file are of --live.", fix="add --live.")
+        return None
+
+
+def add_live_page(config: Config, page: LivePage, title: str) -> LiveLoopFactory:
+    """Add the page to the role that has a state machine; return its factory.
+
+    Args:
+        config: of the run.
+        page: what was asked for.
+        title: of the page.
+
+    Raises:
+        ParameterError: no role has a state machine.
+        ConfigError: the address or the token cannot be used.
+        MissingExtraError: what serves pages is not installed.
+    """
+    from snr_sim.behaviors.endpoint import MachineFactory
+    from snr_sim.links.security import secret_from_file
+    from snr_sim.web.live import LiveLoopFactory
+
+    roles = [
+        role
+        for role, factories in config.factories.items()
+        if any(isinstance(one, MachineFactory) for one in factories)
+    ]
+    if not roles:
+        raise ParameterError(
+            "--live shows state machines, and this run has none.",
+            fix="--controller FILE.lrp, or a controller with a MachineFactory: docs/machines.md.",
+        )
+    token = None if page.token_file is None else secret_from_file(page.token_file)
+    live = LiveLoopFactory(page.port, page.host, token, title)
+    config.get(roles[0]).insert(0, live)  # first, so that it sees the machines begin
+    return live
+
+
+def print_address(live: LiveLoopFactory) -> None:
+    """Print where the page is, and who can reach it."""
+    if live.is_loopback:
+        reach = "Only this computer can reach it"
+    else:
+        reach = (
+            "Every computer in that network can reach it, and whoever reads its traffic can take the token and steer "
+            "the robot"
+        )
+    print(f"Open {live.access.url}\n  {reach}, as long as the run lasts.", file=sys.stderr)
+    print(f"  To look and not to touch: {live.access.read_url}", file=sys.stderr, flush=True)
