@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
-from itertools import islice
+from bisect import bisect_right
 from typing import Any
 
 from snr_sim.behaviors.interpreter import NS_PER_S
@@ -28,14 +27,15 @@ def moment_of(fields: dict[str, Any], number: int) -> Moment:
 
 
 class Moments:
-    """The newest changes of state, counted from the first one.
+    """The newest changes of state in order of time, counted from the first one.
 
     Args:
-        max_kept: how many are kept; None: all.
+        max_kept: how many are kept at least; None: all.
     """
 
     def __init__(self, max_kept: int | None = MAX_MOMENTS) -> None:
-        self._kept: deque[Moment] = deque(maxlen=max_kept)
+        self._max_kept = max_kept
+        self._kept: list[Moment] = []
         self.count: int = 0  # of all, also of those that are not kept any more
 
     @property
@@ -47,9 +47,16 @@ class Moments:
         """Keep a change."""
         self._kept.append(moment)
         self.count += 1
+        if self._max_kept is not None and len(self._kept) > 2 * self._max_kept:
+            del self._kept[: -self._max_kept]
 
     def since(self, count: int, max_given: int) -> tuple[list[Moment], int]:
         """Return the changes after the first `count`, at most the newest `max_given`, and how many were left out."""
         new = self.count - count
         given = min(new, max_given, len(self._kept))
-        return list(islice(self._kept, len(self._kept) - given, None)), new - given
+        return self._kept[len(self._kept) - given :], new - given
+
+    def at(self, t_s: float) -> Moment | None:
+        """Return the newest change up to a moment."""
+        place = bisect_right(self._kept, t_s, key=lambda one: one.t_s)
+        return self._kept[place - 1] if place else None

@@ -169,14 +169,13 @@ class RecordedTimeline:
             return self._page_at(key, t_s)
 
         number = fields.get("program", 1)
-        last = fields.get("last")
         return State(
             is_live=False,
             t_s=t_s,
             number=number,
             active=dict(fields.get("active", {})),
             entered_s=dict(fields.get("entered_s", {})),
-            last=None if last is None else moment_of(last, number),
+            last=self.moments.at(t_s),
             variables={path: shown(value) for path, value in fields.get("variables", {}).items()},
             reads=readings_of(self._bridge, (), get_page, lambda one: max(0.0, t_s - one.created_at_s)),
             drives=commands_of(self._bridge, get_page),
