@@ -115,7 +115,7 @@ class LiveMachine:
                 del self._programs[min(self._programs)]
         if edit is not None:
             self._unanswered.remove(edit)
-            edit.session.say(self._edited(edit, answered.answer))
+            edit.session.answer_edit(self._edited(edit, answered.answer))
 
     def _edited(self, edit: _Edit, answer: Mapping[str, Any]) -> Edited:
         is_stale = "text" in answer

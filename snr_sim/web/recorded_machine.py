@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 
 from snr_sim.behaviors.bridge import Bridge
+from snr_sim.prelude.errors import TraceError
 from snr_sim.web.explanation import explain
 from snr_sim.web.messages import Hello, Program, State, Why, WhyAnswer
 from snr_sim.web.moments import Moments
@@ -40,7 +41,11 @@ class RecordedMachine:
         self, folder: Path, name: str, title: str, bridge: Bridge | None = None, *, is_trusted: bool = False
     ) -> None:
         self._timeline = RecordedTimeline(folder, name, bridge)
-        self._timeline.read_all()
+        try:
+            self._timeline.read_all()
+        except TraceError:
+            self._timeline.close()
+            raise
         self.name: str = self._timeline.name
         self.title: str = title
         self._folder = folder

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Coroutine, Mapping
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from functools import partial
 from typing import Any, Protocol
 
 import msgspec
@@ -179,10 +181,10 @@ class MachineSession:
     def _carry_out(self, message: FromPage) -> None:
         match message:
             case Show():
-                self._answer(message, self._show_moment(message.t_s))
+                self._answer(message, partial(self._show_moment, message.t_s))
                 return
             case Why():
-                self._answer(message, self._explain(message))
+                self._answer(message, partial(self._explain, message))
                 return
         if self._rights != "change":
             self.refuse(message, "This address may only look. The one with ?token= may change the machine.")
@@ -210,22 +212,22 @@ class MachineSession:
         self.say(Refused(str(message.__struct_config__.tag), reason))
 
     def answer_edit(self, edited: Edited) -> None:
-        """Send the answer to an edit."""
-        self.say(edited)
+        """Send the answer to an edit, unless the browser reads nothing: then its connection is being closed."""
+        with suppress(HungUpError):
+            self.say(edited)
 
-    def _answer(self, message: Show | Why, work: Coroutine[Any, Any, None]) -> None:
+    def _answer(self, message: Show | Why, work: Callable[[], Awaitable[None]]) -> None:
         """Answer later, while other messages are handled."""
         if len(self._answering) >= MAX_QUESTIONS:
-            work.close()
             self.refuse(message, f"{MAX_QUESTIONS} questions are being answered: wait for one of them.")
             return
         task = asyncio.get_running_loop().create_task(self._without_errors(message, work))
         self._answering.add(task)
         task.add_done_callback(self._answering.discard)
 
-    async def _without_errors(self, message: Show | Why, work: Coroutine[Any, Any, None]) -> None:
+    async def _without_errors(self, message: Show | Why, work: Callable[[], Awaitable[None]]) -> None:
         try:
-            await work
+            await work()
         except SnrError as error:
             self.refuse(message, str(error))
         except HungUpError:
