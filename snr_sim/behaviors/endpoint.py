@@ -344,7 +344,8 @@ class MachineEndpoint(Endpoint):
         """Return the task that stores the answer to an edit; log what was refused."""
         if edited is None:
             for one in problems:
-                self.log.warning("%s, line %s:%s: %s", self.name, one.place.line, one.place.column, one.message)
+                where = f", line {one.place.line}:{one.place.column}" if one.place.line else ""
+                self.log.warning("%s%s: %s", self.name, where, one.message)
             self.log.warning("%s: program %s continues.", self.name, self.program_number)
         else:
             for note in edited.notes:

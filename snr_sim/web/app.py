@@ -114,14 +114,13 @@ class _Connection:
         session = None
         try:
             session = page.open(self._websocket.state.rights, self.send)
-            reader = asyncio.create_task(self._read(session.receive))
-            writer = asyncio.create_task(self._write())
-            done, left = await asyncio.wait((reader, writer), return_when=asyncio.FIRST_COMPLETED)
-            for task in left:
+            tasks = [asyncio.create_task(self._read(session.receive)), asyncio.create_task(self._write())]
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in tasks:
                 task.cancel()
-            await asyncio.gather(*left, return_exceptions=True)
-            for task in done:
-                task.result()
+            errors = [one for one in await asyncio.gather(*tasks, return_exceptions=True) if isinstance(one, Exception)]
+            for error in sorted(errors, key=lambda one: not isinstance(one, HungUpError)):
+                raise error
         except HungUpError as error:
             await self.say_and_close(page.goodbye(str(error)))
         except (WebSocketDisconnect, OSError, TimeoutError):

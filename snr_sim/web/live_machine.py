@@ -69,10 +69,9 @@ class LiveMachine:
         self._timeline: RecordedTimeline | None = None
         self._unanswered: deque[_Edit] = deque()
         self._undo: deque[str] = deque(maxlen=MAX_PROGRAMS)
-        program = self._endpoint.interpreter.program
-        self._number = self._endpoint.program_number
-        self._programs = {self._number: self._shown_program(self._number, program, "start", 0.0)}
-        self._is_text = self._can_parse(program.text, program.files)
+        self.generation: int = 0
+        self._seen = self._endpoint
+        self._begin()
         self.update(0.0)
 
     @property
@@ -84,6 +83,13 @@ class LiveMachine:
             found.recent = deque(maxlen=MAX_MOMENTS)
         return found
 
+    def _begin(self) -> None:
+        """Take the program of an endpoint that is new: at first, and after a reload of the component."""
+        endpoint, self._undo = self._seen, deque(maxlen=MAX_PROGRAMS)
+        program, self._number = endpoint.interpreter.program, endpoint.program_number
+        self._programs = {self._number: self._shown_program(self._number, program, "start", 0.0)}
+        self._is_text = self._can_parse(program.text, program.files)
+
     def _shown_program(self, number: int, program: Any, by: By, t_s: float) -> Program:
         made = program_of(number, program.text, program.sha256, program.files, by, t_s)
         return msgspec.structs.replace(made, signals=program.signals())
@@ -92,7 +98,11 @@ class LiveMachine:
 
     def update(self, now_s: float) -> None:
         """Take what the endpoint has done since the last call."""
-        recent = self._endpoint.recent
+        endpoint = self._endpoint
+        if endpoint is not self._seen:
+            self._seen, self.generation = endpoint, self.generation + 1
+            self._begin()
+        recent = endpoint.recent
         while recent:
             number, one = recent.popleft()
             if isinstance(one, EditAnswer):

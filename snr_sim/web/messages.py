@@ -99,7 +99,7 @@ class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
 
 
 class Hello(_Message, frozen=True, tag="hello"):
-    """The first message.
+    """The first message. It comes again if the machine's component is reloaded: then its programs are others.
 
     Args:
         name: of the machine's component.

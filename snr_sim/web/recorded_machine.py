@@ -36,6 +36,7 @@ class RecordedMachine:
     """
 
     controls: Controls | None = None
+    generation = 0
 
     def __init__(
         self, folder: Path, name: str, title: str, bridge: Bridge | None = None, *, is_trusted: bool = False

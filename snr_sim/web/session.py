@@ -73,11 +73,13 @@ class ShownMachine(Protocol):
         name: of it.
         title: of its page.
         controls: None if nothing can be changed.
+        generation: counts how often its component was replaced; its programs are then numbered from 1 again.
     """
 
     name: str
     title: str
     controls: Controls | None
+    generation: int
 
     @property
     def moments(self) -> Moments:
@@ -124,9 +126,16 @@ class MachineSession:
         self._answering: set[asyncio.Task[None]] = set()
         self._shown: object = None  # the content of the last state, without times and ages
         self._shown_s = float("-inf")
-        hello = machine.hello(rights)
-        self._numbers = {hello.number}  # of the programs that the browser has
-        self._count = machine.moments.count  # of the changes that it has
+        self._numbers: set[int] = set()  # of the programs that the browser has
+        self._count = 0  # of the changes that it has
+        self._generation = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Send what a browser needs first."""
+        hello = self._machine.hello(self._rights)
+        self._generation, self._numbers = self._machine.generation, {hello.number}
+        self._count = self._machine.moments.count
         self.say(hello)
         self._send_timeline(hello.until_s)
 
@@ -142,6 +151,8 @@ class MachineSession:
 
     def show(self, state: State, now_s: float) -> None:
         """Send the newest state, if it is due."""
+        if self._generation != self._machine.generation:
+            self._begin()
         content = (
             state.number, state.active, state.last, state.variables, state.problems, state.is_paused,
             _values(state.reads), _values(state.drives), self._machine.moments.count,

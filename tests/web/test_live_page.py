@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from snr_sim import tasks
 from snr_sim.behaviors import after, machine, machine_parts, parse, state
 from snr_sim.web import live_machine, session
 from snr_sim.web.pages import HungUpError
@@ -120,6 +121,20 @@ def test_machine_in_python_is_shown_with_its_pages_and_cannot_be_edited() -> Non
     assert browser.newest("state")["reads"]["depth.depth_m"]["value"] == pytest.approx(0.6)
     edit(browser, 1, DIVER)
     assert "made in Python" in browser.newest("refused")["reason"]
+
+
+def test_reloaded_component_is_introduced_again(live: Live) -> None:
+    browser = live.browser()
+    edit(browser, 1, with_push(9))
+    live.tick()
+    live.node.enqueue_input(tasks.reload_component("diver"), "test")
+    live.tick()
+    hello, again = browser.of("hello")
+    assert (again["number"], again["text"]) == (1, hello["text"])
+    assert browser.newest("state")["number"] == 1
+    edit(browser, 2, with_push(7))
+    live.tick()
+    assert browser.newest("program")["text"] == with_push(7)
 
 
 # -- edits ------------------------------------------------------------------------------------------------------------
