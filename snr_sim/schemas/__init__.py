@@ -1,7 +1,8 @@
 """JSON Schemas (draft 2020-12) of the text formats of snr_sim.
 
-There is one for traces, pages, links, consoles, the live page of a machine, results, and grades. They ship in this folder, for programs in any language; docs/formats.md has the rules that schemas cannot express. The
-code does not use them: it does its own validation, and tests compare the two.
+There is one for traces, pages, links, consoles, the live page of a machine, results, and grades. They ship in this
+folder, for programs in any language; docs/formats.md has the rules that schemas cannot express. The code does not use
+them: it does its own validation, and tests compare the two.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ The pages change what a robot does, so each of these must be kept out:
     other users of this computer                  they do not know the token
     who reads over the shoulder, or a log         the token is in the address once; then in a cookie, for this run
 
-What is refused gets status 403, a WebSocket before it is one.
+What is refused gets status 403, a WebSocket before it is one. What is left: cookies know no ports, so a server of
+another user on this host gets the token if its page is opened in the same browser meanwhile.
 """
 
 from __future__ import annotations

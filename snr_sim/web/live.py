@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from contextlib import ExitStack, suppress
+from importlib.util import find_spec
 from pathlib import Path
 
 from snr_sim.behaviors.endpoint import MachineEndpoint
@@ -98,8 +99,6 @@ def check_packages() -> None:
     Raises:
         MissingExtraError: it is not.
     """
-    from importlib.util import find_spec
-
     for package in ("starlette", "uvicorn", "websockets"):
         if find_spec(package) is None:
             raise MissingExtraError(package, "web")
