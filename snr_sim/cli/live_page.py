@@ -83,8 +83,8 @@ def print_address(live: LiveLoopFactory) -> None:
         reach = "Only this computer can reach it"
     else:
         reach = (
-            "Every computer in that network can reach it, and whoever reads its traffic can take the token and steer "
-            "the robot"
+            "Every computer in that network can reach it, and any client that reads its traffic can take the token and "
+            "steer the robot"
         )
     print(f"Open {live.access.url}\n  {reach}, as long as the run lasts.", file=sys.stderr)
     print(f"  To look and not to touch: {live.access.read_url}", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""Who may use a server of pages: each request must have this server's host, its own origin, and a token.
+"""Access to a server of pages: each request must have this server's host, its own origin, and a token.
 
 The pages change what a robot does, so each of these must be kept out:
 
@@ -55,8 +55,8 @@ class Access:
 
     Args:
         host, port: to which it is bound.
-        token: of who may change the robot.
-        read_token: of who may only look.
+        token: of a browser that may change the robot.
+        read_token: of a browser that may only look.
     """
 
     host: str
@@ -81,7 +81,7 @@ class Access:
 
     @property
     def read_url(self) -> str:
-        """The address to open for who may only look."""
+        """The address that allows a browser to look only."""
         return f"{self.origin}/?read={self.read_token}"
 
     @property

@@ -78,7 +78,7 @@ def _socket(page: Page, connections: set[_Connection]) -> Callable[[WebSocket], 
         connection = _Connection(websocket)
         if len(connections) >= MAX_CONNECTIONS:
             reason = f"{MAX_CONNECTIONS} pages are open, the maximum: close one."
-            await connection.say_and_close(page.goodbye(reason))
+            await connection.close_with(page.goodbye(reason))
             return
         connections.add(connection)
         try:
@@ -122,7 +122,7 @@ class _Connection:
             for error in sorted(errors, key=lambda one: not isinstance(one, HungUpError)):
                 raise error
         except HungUpError as error:
-            await self.say_and_close(page.goodbye(str(error)))
+            await self.close_with(page.goodbye(str(error)))
         except (WebSocketDisconnect, OSError, TimeoutError):
             pass  # the browser is gone
         finally:
@@ -149,7 +149,7 @@ class _Connection:
                 async with asyncio.timeout(SEND_TIMEOUT_S):
                     await self._websocket.send_text(self._waiting.popleft().decode())
 
-    async def say_and_close(self, message: bytes) -> None:
+    async def close_with(self, message: bytes) -> None:
         """Send a last message, and close."""
         with suppress(WebSocketDisconnect, OSError, TimeoutError, RuntimeError):
             async with asyncio.timeout(1.0):

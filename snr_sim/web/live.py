@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -70,7 +71,8 @@ class LiveLoopFactory(ListenerFactory):
                 fix="one address of this computer: `ip address` shows them.",
             )
         check_packages()
-        self._token = None if secret is None else secret.decode("ascii", "replace")
+        tokens = {} if secret is None else {"token": secret.decode("ascii", "replace")}
+        self._access = Access(host, port, **tokens)
         self.title: str = title
         self.name: str = name
         self.folder: Path | None = None
@@ -86,11 +88,8 @@ class LiveLoopFactory(ListenerFactory):
 
     @property
     def access(self) -> Access:
-        """Its address and tokens; once the port is known they stay the same."""
-        if not hasattr(self, "_access"):
-            tokens = {} if self._token is None else {"token": self._token}
-            self._access = Access(self.host, self.port, **tokens)
-        return self._access
+        """Its address and tokens."""
+        return replace(self._access, port=self.port)  # which is known once it listens
 
 
 def check_packages() -> None:
@@ -141,7 +140,7 @@ class LiveLoop(RestartingLoop):
                 self._events.call_soon_threadsafe(self._ending.set)
 
     def join(self) -> None:
-        """Stop, and return once browsers have been told, or after the time limit."""
+        """Stop, and return once browsers have been notified, or after the time limit."""
         self.stop()
         super().join()
 
@@ -160,7 +159,7 @@ class LiveLoop(RestartingLoop):
         names = [name for name, one in node.components.items() if isinstance(one, MachineEndpoint)]
         machines = [LiveMachine(node, name, factory.title, factory.folder) for name in names]
         pages = [MachinePage(one) for one in machines]
-        ending = asyncio.create_task(self._say_gone(pages))
+        ending = asyncio.create_task(self._send_gone(pages))
         try:
             await serve(pages, factory.access, self._sock, self._ending)
         finally:
@@ -168,7 +167,7 @@ class LiveLoop(RestartingLoop):
             for one in machines:
                 one.close()
 
-    async def _say_gone(self, pages: list[MachinePage]) -> None:
+    async def _send_gone(self, pages: list[MachinePage]) -> None:
         await self._ending.wait()
         node = self.parent
         reason = f"The run has ended: {node.exit_reason or 'no reason given'}." if node.is_finished else "It ends."

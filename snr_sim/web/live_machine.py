@@ -222,7 +222,7 @@ class LiveMachine:
         except ProgramError as error:
             current = self._programs[self._number]
             problems = [_mistake(one) for one in error.problems]
-            session.say(Edited(number, False, False, current.number, current.sha256, None, problems, [], [], [], []))
+            session.send(Edited(number, False, False, current.number, current.sha256, None, problems, [], [], [], []))
             return
         if len(self._unanswered) >= MAX_UNANSWERED:
             raise HungUpError(f"{MAX_UNANSWERED} edits wait for the robot's program.")

@@ -51,7 +51,7 @@ class MachinePage:
         """Send that the server ends."""
         for session in list(self._sessions):
             with suppress(HungUpError):
-                session.say(Gone(reason))
+                session.send(Gone(reason))
 
     def goodbye(self, reason: str) -> bytes:
         """Return the last message of a connection."""

@@ -136,10 +136,10 @@ class MachineSession:
         hello = self._machine.hello(self._rights)
         self._generation, self._numbers = self._machine.generation, {hello.number}
         self._count = self._machine.moments.count
-        self.say(hello)
+        self.send(hello)
         self._send_timeline(hello.until_s)
 
-    def say(self, message: FromServer) -> None:
+    def send(self, message: FromServer) -> None:
         """Send a message."""
         self._send(encode(message))
 
@@ -147,7 +147,7 @@ class MachineSession:
         moments, _ = self._machine.moments.since(0, self._count)
         size = max(MOMENTS_PER_MESSAGE, len(moments) // MAX_TIMELINES + 1)
         for i in range(0, max(len(moments), 1), size):
-            self.say(Timeline(moments[i : i + size], until_s, i + size >= len(moments)))
+            self.send(Timeline(moments[i : i + size], until_s, i + size >= len(moments)))
 
     def show(self, state: State, now_s: float) -> None:
         """Send the newest state, if it is due."""
@@ -169,14 +169,14 @@ class MachineSession:
             program = self._machine.program(state.number)
             if program is not None:
                 self._numbers.add(state.number)
-                self.say(program)
-        self.say(state)
+                self.send(program)
+        self.send(state)
 
     def receive(self, data: str | bytes) -> None:
         """Handle a message of the browser.
 
         Raises:
-            HungUpError: it is none, or there are too many.
+            HungUpError: it is not a message, or there are too many.
         """
         if not self._messages.take(time.monotonic()):
             raise HungUpError(f"More than {MESSAGES_PER_S:g} messages a second.")
@@ -220,12 +220,12 @@ class MachineSession:
 
     def refuse(self, message: msgspec.Struct, reason: str) -> None:
         """Send that a message was not carried out."""
-        self.say(Refused(str(message.__struct_config__.tag), reason))
+        self.send(Refused(str(message.__struct_config__.tag), reason))
 
     def answer_edit(self, edited: Edited) -> None:
         """Send the answer to an edit, unless the browser reads nothing: then its connection is being closed."""
         with suppress(HungUpError):
-            self.say(edited)
+            self.send(edited)
 
     def _answer(self, message: Show | Why, work: Callable[[], Awaitable[None]]) -> None:
         """Answer later, while other messages are handled."""
@@ -248,7 +248,7 @@ class MachineSession:
         self._send_state(await self._machine.state_at(t_s))
 
     async def _explain(self, asked: Why) -> None:
-        self.say(await self._machine.why(asked))
+        self.send(await self._machine.why(asked))
 
     def close(self) -> None:
         """End what is being answered."""

@@ -1,4 +1,4 @@
-"""Who may use the live page, without a port: addresses, tokens, and what a page says when its packages are missing."""
+"""Access to the live page, without a port: addresses, tokens, and what a page says when its packages are missing."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_address_of_version_6_is_in_brackets() -> None:
         ({"host": "192.0.2.7", "token": "short"}, "has 5 bytes, but needs at least 16"),
     ],
 )
-def test_factory_refuses_what_is_not_safe(options: dict[str, Any], message: str) -> None:
+def test_factory_with_unsafe_options_raises(options: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         LiveLoopFactory(**options)
 

@@ -125,7 +125,7 @@ def test_run_that_is_being_recorded_can_be_viewed(here: Path) -> None:
         process.wait(TIMEOUT_S)
 
 
-def test_run_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_missing_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TraceError):
         view(tmp_path / "nowhere", "", 0, is_trusted=False)
 

@@ -300,7 +300,7 @@ def test_single_steps_advance_a_paused_machine_by_10_ms(live: Live) -> None:
     assert live.node.get_data("thrust") == {"up_n": 0.0}
 
 
-def test_what_a_single_step_commands_is_given_by_go() -> None:
+def test_command_of_a_single_step_is_given_by_go() -> None:
     text = DIVER.replace(
         "(state sinking (onentry [robot.up.start(0)]))", "(state sinking (onentry [robot.up.start(-3)]))"
     )
@@ -397,7 +397,7 @@ def test_questions_that_wait_are_bounded(live: Live) -> None:
         ("give", {"signal": "halt"}),
     ],
 )
-def test_who_may_look_changes_nothing(kind: str, fields: dict[str, Any], live: Live) -> None:
+def test_browser_that_may_only_look_changes_nothing(kind: str, fields: dict[str, Any], live: Live) -> None:
     browser = live.browser("look")
     browser.send(kind, **fields)
     assert "may only look" in browser.newest("refused")["reason"]
@@ -406,7 +406,7 @@ def test_who_may_look_changes_nothing(kind: str, fields: dict[str, Any], live: L
 
 
 @pytest.mark.parametrize("data", REFUSED)
-def test_what_is_not_a_message_hangs_up_and_changes_nothing(data: str | bytes, live: Live) -> None:
+def test_invalid_message_hangs_up_and_changes_nothing(data: str | bytes, live: Live) -> None:
     browser = live.browser()
     with pytest.raises(HungUpError, match="not a message"):
         browser.session.receive(data)
@@ -474,7 +474,7 @@ MESSAGES = st.builds(
 
 
 @given(st.lists(MESSAGES | ANYTHING, max_size=5))
-def test_random_message_to_who_may_look_enters_no_task(messages: list[Any]) -> None:
+def test_random_message_of_a_browser_that_may_only_look_enters_no_task(messages: list[Any]) -> None:
     live = LOOKED_AT
     browser = live.browser("look")
     for message in messages:

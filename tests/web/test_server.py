@@ -168,7 +168,7 @@ def test_request_of_a_foreign_page_is_refused(server: Served) -> None:
     assert get(access, f"/?token={access.token}", Origin="http://example.org")[0] == 403
 
 
-def test_who_may_look_sees_and_changes_nothing(server: Served) -> None:
+def test_read_token_shows_and_changes_nothing(server: Served) -> None:
     node, live = server
     access = live.access
     _, headers, _ = get(access, f"/?read={access.read_token}")
@@ -319,7 +319,7 @@ def test_too_many_pages_are_refused(server: Served) -> None:
     goes_on(node)
 
 
-def test_end_of_the_run_is_said_and_does_not_wait() -> None:
+def test_end_of_the_run_is_sent_and_does_not_wait() -> None:
     with contextlib.ExitStack() as stack:
         with served() as (node, live):
             page = stack.enter_context(browser(live.access))
@@ -345,7 +345,7 @@ def test_half_a_request_holds_up_nothing(server: Served) -> None:
 
 
 def send_random(live: LiveLoopFactory, count: int) -> None:
-    """Send random messages; after one that is none, the server is to close the connection."""
+    """Send random messages; after an invalid one, the server is to close the connection."""
     rng, sent = random.Random(1), 0
     while sent < count:
         with browser(live.access) as page:

@@ -215,7 +215,7 @@ def test_bytes_that_were_never_written_end_the_trace(record: Record, timeline: T
     assert timeline(folder).moments.since(0, 1000) == whole.moments.since(0, 1000)
 
 
-def test_text_that_looks_like_a_record_is_none(record: Record, timeline: Timeline) -> None:
+def test_text_that_looks_like_a_record_is_ignored(record: Record, timeline: Timeline) -> None:
     text = DIVER + '; ["event","diver.transition",[{}]] "type":"store_page","name":"depth", \n'
     diver = machine_parts(parse(text, BRIDGE.parts), "diver", bridge=BRIDGE)
     folder = record(factories=[ListReplayerFactory(DEPTHS, "depth", rate_hz=10.0), *diver])
