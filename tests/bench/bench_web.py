@@ -133,7 +133,7 @@ def watch(wall_s: float, has_page: bool) -> tuple[float, float, dict[str, Any]]:
 
 
 def first_state() -> tuple[float, float]:
-    """Return wall and CPU time from the start of a node in a new process to the first state in a waiting browser [s]."""
+    """Return wall and CPU time from the start of a node, in a new process, to the first state in a browser [s]."""
     code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import bench_web; bench_web.print_first()"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     wall_s, cpu_s = map(float, shown.split())
@@ -141,7 +141,7 @@ def first_state() -> tuple[float, float]:
 
 
 def print_first() -> None:
-    """Print wall and CPU time to the first state: of the page's imports, the port, the program's drawing, and two messages."""
+    """Print wall and CPU time to the first state: of imports, port, the program's drawing, and two messages."""
     from websockets.sync.client import connect
 
     start_s, cpu_s = time.perf_counter(), time.process_time()
