@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from snr_sim.cli.output import print_note
 from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -44,11 +46,12 @@ class LivePage:
         return None
 
 
-def add_live_page(config: Config, page: LivePage, title: str) -> LiveLoopFactory:
-    """Add the page to the role that has a state machine; return its factory.
+def add_live_page(config: Config, roles: Sequence[str], page: LivePage, title: str) -> LiveLoopFactory:
+    """Add the page to the first role that has a state machine; return its factory.
 
     Args:
         config: of the run.
+        roles: that run.
         page: what was asked for.
         title: of the page.
 
@@ -61,19 +64,17 @@ def add_live_page(config: Config, page: LivePage, title: str) -> LiveLoopFactory
     from snr_sim.links.security import secret_from_file
     from snr_sim.web.live import LiveLoopFactory
 
-    roles = [
-        role
-        for role, factories in config.factories.items()
-        if any(isinstance(one, MachineFactory) for one in factories)
-    ]
-    if not roles:
+    found = [role for role in roles if any(isinstance(one, MachineFactory) for one in config.get(role))]
+    if not found:
         raise ParameterError(
             "--live shows state machines, and this run has none.",
             fix="--controller FILE.lrp, or a controller with a MachineFactory: docs/machines.md.",
         )
     token = None if page.token_file is None else secret_from_file(page.token_file)
     live = LiveLoopFactory(page.port, page.host, token, title)
-    config.get(roles[0]).insert(0, live)  # first, so that it sees the machines begin
+    if found[1:]:
+        print_note(f"The live page shows the machines of role '{found[0]}' only, not those of {', '.join(found[1:])}.")
+    config.get(found[0]).insert(0, live)  # first, so that it sees the machines begin
     return live
 
 

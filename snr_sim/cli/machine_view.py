@@ -37,7 +37,7 @@ def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
 
     path = trace_path(run)
     header = header_of(path)
-    title = f"{header.scenario or header.robot}, seed {header.seed}"
+    title = f"{header.scenario or path.parent.name}, seed {header.seed}"
     machine = RecordedMachine(path.parent, name, title, _bridge_of(header.robot), is_trusted=is_trusted)
     with closing(machine), closing(listen(LOOPBACK, port, "The page")) as sock:
         access = Access(LOOPBACK, sock.getsockname()[1])
@@ -51,7 +51,7 @@ def _bridge_of(robot: str) -> Bridge | None:
     from snr_sim.scenario.library import ROBOT_MODULE, find, name_robot
     from snr_sim.scenario.machine_controller import bridge_of
 
-    if Path(robot).name != robot:  # a trace may be of another user: it names a robot, and no file
+    if not robot or Path(robot).name != robot:  # a trace may be of another user: it names a robot, and no file
         return None
     with suppress(SnrError):
         found = find("robots", robot)

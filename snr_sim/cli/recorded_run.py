@@ -82,7 +82,9 @@ def record_run(
             config.get(simulation.roles[0]).append(console)
         live_page = None
         if page is not None:
-            live_page = add_live_page(config, page, f"{simulation.scenario_name}, seed {request.seed}")
+            live_page = add_live_page(
+                config, simulation.roles, page, f"{simulation.scenario_name}, seed {request.seed}"
+            )
             stack.callback(live_page.release)
             live_page.claim()
         with ExitStack() as undo:  # an invalid request should not leave files behind

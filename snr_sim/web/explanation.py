@@ -13,13 +13,13 @@ from pathlib import Path
 
 import msgspec
 
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.web.message_parts import WhyRow
 from snr_sim.web.messages import Why, WhyAnswer
 
 TIMEOUT_S = 120.0
 _NICE = 10  # so that it takes no time of the robot's
 _MAX_ROWS = 500
-_one_at_a_time = asyncio.Semaphore(1)
 
 
 class _Found(msgspec.Struct):
@@ -29,26 +29,40 @@ class _Found(msgspec.Struct):
     left_out: int
 
 
-async def explain(folder: Path, asked: Why, is_trusted: bool) -> WhyAnswer:
-    """Execute a run again, as far as it has been recorded, and return what was asked.
+class Explanations:
+    """Executes a recorded run again, once at a time.
 
     Args:
-        folder: of the run.
-        asked: the interval and the transition.
+        folder: of the run; None: it is not recorded.
         is_trusted: whether files of another user may be executed.
     """
-    words = ["machine", "why", str(folder), "--json", "--from", repr(asked.from_s), "--until", repr(asked.until_s)]
-    words += ["--machine", asked.machine] if asked.machine else []
-    words += ["--trust"] if is_trusted else []
-    async with _one_at_a_time:
-        status, out, err = await _run([sys.executable, "-m", "snr_sim", *words])
-    error, found = "", _Found([], 0)
-    if status == 0:
-        found = msgspec.json.decode(out, type=_Found)
-    else:
-        error = err.decode(errors="replace").strip()[-2000:] or f"It ended with status {status}."
-    rows = [row for row in found.rows if asked.transition in ("", row.transition)][:_MAX_ROWS]
-    return WhyAnswer(asked.machine, asked.transition, asked.from_s, asked.until_s, rows, found.left_out, error)
+
+    def __init__(self, folder: Path | None, is_trusted: bool) -> None:
+        self._folder = folder
+        self._is_trusted = is_trusted
+        self._one_at_a_time = asyncio.Lock()
+
+    async def of(self, asked: Why) -> WhyAnswer:
+        """Return why transitions were taken or not, as far as the run has been recorded.
+
+        Raises:
+            ParameterError: it is not recorded.
+        """
+        if self._folder is None:
+            raise ParameterError("This run is not recorded, so it cannot be explained.", fix="record it: snr run.")
+        interval = ["--from", repr(asked.from_s), "--until", repr(asked.until_s)]
+        words = ["machine", "why", str(self._folder), "--json", *interval]
+        words += ["--machine", asked.machine] if asked.machine else []
+        words += ["--trust"] if self._is_trusted else []
+        async with self._one_at_a_time:
+            status, out, err = await _run([sys.executable, "-m", "snr_sim", *words])
+        error, found = "", _Found([], 0)
+        if status == 0:
+            found = msgspec.json.decode(out, type=_Found)
+        else:
+            error = err.decode(errors="replace").strip()[-2000:] or f"It ended with status {status}."
+        rows = [row for row in found.rows if asked.transition in ("", row.transition)][:_MAX_ROWS]
+        return WhyAnswer(asked.machine, asked.transition, asked.from_s, asked.until_s, rows, found.left_out, error)
 
 
 async def _run(words: list[str]) -> tuple[int, bytes, bytes]:

@@ -25,7 +25,7 @@ from snr_sim.core.node import Node
 from snr_sim.core.page_age import page_age_s
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
-from snr_sim.web.explanation import explain
+from snr_sim.web.explanation import Explanations
 from snr_sim.web.message_parts import Problem
 from snr_sim.web.messages import By, Edited, Hello, Program, State, Why, WhyAnswer
 from snr_sim.web.moments import MAX_MOMENTS, Moments, moment_of
@@ -66,6 +66,7 @@ class LiveMachine:
         self.controls: Controls | None = self
         self._node = node
         self._folder = folder
+        self._explanations = Explanations(folder, is_trusted=True)
         self._timeline: RecordedTimeline | None = None
         self._unanswered: deque[_Edit] = deque()
         self._undo: deque[str] = deque(maxlen=MAX_PROGRAMS)
@@ -192,16 +193,15 @@ class LiveMachine:
         if self._folder is None:
             raise ParameterError("This run is not recorded, so only the present is known.", fix="record it: snr run.")
         if self._timeline is None:
-            self._timeline = RecordedTimeline(self._folder, self.name, self._endpoint.factory.bridge)
+            factory = self._endpoint.factory
+            self._timeline = RecordedTimeline(self._folder, self.name, factory.bridge)
         while self._timeline.read_some():
             await asyncio.sleep(0)  # other pages, and the node, which waits for the interpreter lock
         return self._timeline.state_at(t_s)
 
     async def why(self, asked: Why) -> WhyAnswer:
         """Execute the run again, as far as it has been recorded, and return why transitions were taken or not."""
-        if self._folder is None:
-            raise ParameterError("This run is not recorded, so it cannot be explained.", fix="record it: snr run.")
-        return await explain(self._folder, asked, is_trusted=True)
+        return await self._explanations.of(asked)
 
     def close(self) -> None:
         """Close the recording."""

@@ -9,7 +9,7 @@ import msgspec
 
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.prelude.errors import TraceError
-from snr_sim.web.explanation import explain
+from snr_sim.web.explanation import Explanations
 from snr_sim.web.messages import Hello, Program, State, Why, WhyAnswer
 from snr_sim.web.moments import Moments
 from snr_sim.web.pages import Rights
@@ -49,9 +49,8 @@ class RecordedMachine:
             raise
         self.name: str = self._timeline.name
         self.title: str = title
-        self._folder = folder
         self._bridge = bridge
-        self._is_trusted = is_trusted
+        self._explanations = Explanations(folder, is_trusted)
         self._read_s = -math.inf
         self._newest: State | None = None
 
@@ -94,4 +93,4 @@ class RecordedMachine:
 
     async def why(self, asked: Why) -> WhyAnswer:
         """Execute the run again, and return why transitions were taken or not."""
-        return await explain(self._folder, asked, self._is_trusted)
+        return await self._explanations.of(asked)

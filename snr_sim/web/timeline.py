@@ -7,10 +7,13 @@ be read while it grows.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import deque
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.prelude.errors import SnrError, TraceError, UnknownNameError, suggest
@@ -27,6 +30,8 @@ from snr_sim.web.trace_index import TraceIndex, in_input, in_returned, tasks_in
 
 PAGE_SOURCE = "live"  # name of the loop that brings what pages ask for, and source of its tasks
 _LEVEL = b'"level":"PROGRAM",'
+_INPUT_PAGE = re.compile(rb'^{"kind":"input",[^{]*"type":"store_page","name":("(?:[^"\\\\]|\\\\.)*"),')
+_MAX_INPUTS = 20
 _SEARCHED_FOR_NAMES = 1 << 22  # bytes at the begin of a trace: machines record their programs before the first task
 
 
@@ -36,7 +41,7 @@ class RecordedTimeline:
     Args:
         folder: of the run.
         name: of the machine; empty if there is one only.
-        bridge: parts of the robot, whose pages are shown, too.
+        bridge: parts of the robot, whose pages are shown, too; without one, those that come from outside the node.
 
     Raises:
         TraceError: the trace cannot be read.
@@ -58,6 +63,7 @@ class RecordedTimeline:
         self.moments: Moments = Moments(max_kept=None)
         self.programs: dict[int, Program] = {}
         self._bridge = bridge
+        self._others = inputs_in(path) if bridge is None else []
         self._number = 1
         self._text: list[str] = []
         self._files: dict[str, list[str]] = {}
@@ -72,7 +78,7 @@ class RecordedTimeline:
             in_returned("event", f"{mine}.edit_file"),
             in_returned("store_page", f"{mine}.edited"),
         ]
-        self._index = TraceIndex(path, list(dict.fromkeys([mine, *pages_of(bridge)])), self._searched)
+        self._index = TraceIndex(path, list(dict.fromkeys([mine, *pages_of(bridge), *self._others])), self._searched)
 
     @property
     def until_s(self) -> float:
@@ -177,7 +183,7 @@ class RecordedTimeline:
             entered_s=dict(fields.get("entered_s", {})),
             last=self.moments.at(t_s),
             variables={path: shown(value) for path, value in fields.get("variables", {}).items()},
-            reads=readings_of(self._bridge, (), get_page, lambda one: max(0.0, t_s - one.created_at_s)),
+            reads=readings_of(self._bridge, self._others, get_page, lambda one: max(0.0, t_s - one.created_at_s)),
             drives=commands_of(self._bridge, get_page),
             problems=[],
             is_paused=bool(fields.get("is_paused", False)),
@@ -231,6 +237,23 @@ def machines_in(path: Path) -> list[str]:
         if isinstance(read, LogLineRecord) and not any(read.component.startswith(f"{name} ") for name in names):
             names.append(read.component)
     return list(dict.fromkeys(names))
+
+
+def inputs_in(path: Path) -> list[DataKey]:
+    """Return the keys of the first pages that a node stored because something outside brought them, as sensors do.
+
+    Raises:
+        TraceError: the trace cannot be read.
+    """
+    found, size = dict[DataKey, None](), 0
+    for line in _whole_lines(path):
+        size += len(line)
+        match = _INPUT_PAGE.search(line)
+        if match is not None:
+            found[msgspec.json.decode(match[1], type=str)] = None
+        if size > _SEARCHED_FOR_NAMES or len(found) >= _MAX_INPUTS:
+            break
+    return list(found)
 
 
 def _whole_lines(path: Path) -> Iterator[bytes]:

@@ -128,8 +128,8 @@ def watch(wall_s: float, has_page: bool) -> tuple[float, float, dict[str, Any]]:
         passed_s = time.perf_counter() - start_s
         if process is not None:
             seen = json.loads(process.communicate()[0])
-    wanted = STEP_HZ * passed_s
-    return 100.0 * cpu_s / passed_s, 1000.0 * max(0.0, wanted - ticks - 1.0) / wanted, seen
+    expected = STEP_HZ * passed_s
+    return 100.0 * cpu_s / passed_s, 1000.0 * max(0.0, expected - ticks - 1.0) / expected, seen
 
 
 def first_state() -> tuple[float, float]:

@@ -135,16 +135,17 @@ def test_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch
     assert "snr_sim[web]" in error.value.fix
 
 
-def test_page_is_added_to_the_role_with_a_machine() -> None:
-    config = Config(factories={"other": [parts()[0]], "r": parts()})
-    live = add_live_page(config, LivePage(), "a dive")
+def test_page_is_added_to_the_first_role_with_a_machine(capsys: pytest.CaptureFixture[str]) -> None:
+    config = Config(factories={"other": [parts()[0]], "r": parts(), "s": parts()})
+    live = add_live_page(config, ["other", "r", "s"], LivePage(), "a dive")
+    assert "machines of role 'r' only, not those of s" in capsys.readouterr().err
     assert config.get("r")[0] is live
     assert live not in config.get("other")
 
 
 def test_run_without_a_machine_has_no_page() -> None:
     with pytest.raises(ParameterError, match="this run has none") as error:
-        add_live_page(Config(factories={"r": parts()[:1]}), LivePage(), "")
+        add_live_page(Config(factories={"r": parts()[:1]}), ["r"], LivePage(), "")
     assert "--controller FILE.lrp" in error.value.fix
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from snr_sim import ListReplayerFactory, TimeoutLoopFactory, tasks
-from snr_sim.behaviors import MachineFactory, after, machine, machine_parts, parse, state
+from snr_sim.behaviors import Bridge, MachineFactory, after, machine, machine_parts, parse, state
 from snr_sim.prelude.errors import TraceError, UnknownNameError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import decode_value
@@ -31,8 +31,8 @@ def timeline() -> Iterator[Timeline]:
     """Return a function that reads the machine of a run folder."""
     with ExitStack() as stack:
 
-        def read(folder: Path, name: str = "") -> RecordedTimeline:
-            found = RecordedTimeline(folder, name, BRIDGE)
+        def read(folder: Path, name: str = "", bridge: Bridge | None = BRIDGE) -> RecordedTimeline:
+            found = RecordedTimeline(folder, name, bridge)
             stack.callback(found.close)
             found.read_all()
             return found
@@ -164,12 +164,15 @@ def test_run_without_a_machine_is_refused(record: Record, timeline: Timeline) ->
     assert "whose controller has one" in error.value.fix
 
 
-def test_machine_in_python_is_shown_by_its_listing(record: Record, timeline: Timeline) -> None:
+def test_machine_in_python_is_shown_by_its_listing_and_its_sensors(record: Record, timeline: Timeline) -> None:
     blink = machine("blink", "lit", [state("lit", after(0.5, to="dark")), state("dark", after(0.5, to="lit"))])
-    shown = timeline(record(factories=machine_parts(blink, "blink")))
+    depth = ListReplayerFactory(DEPTHS, "depth", rate_hz=10.0)
+    shown = timeline(record(factories=[depth, *machine_parts(blink, "blink")]), bridge=None)
     assert shown.program(1).text == blink.text
     assert [one.name for one in shown.program(1).graph[0].transitions] == ["lit->dark", "dark->lit"]
-    assert shown.state_at(0.6).active == {"blink": "dark"}
+    assert shown.state_at(0.62).active == {"blink": "dark"}
+    reading = shown.state_at(0.62).reads["depth.depth_m"]
+    assert (reading.value, reading.age_s) == (DEPTHS[6]["depth_m"], pytest.approx(0.02))
 
 
 # -- traces that grow, or are damaged ---------------------------------------------------------------------------------
