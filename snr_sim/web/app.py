@@ -26,13 +26,13 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from snr_sim.web.access import Access, AccessCheck, App
-from snr_sim.web.messages import MAX_MESSAGE_BYTES
 from snr_sim.web.pages import HungUpError, Page
 
 STATIC = Path(__file__).with_name("static")
 MAX_CONNECTIONS = 32  # of all pages
 MAX_WAITING = 64  # messages that a browser has not read
 SEND_TIMEOUT_S = 10.0
+CLOSE_TIMEOUT_S = 1.0
 Answer: TypeAlias = Callable[[Request], Awaitable[Response]]
 POLICY_VIOLATION = 1008  # RFC 6455, section 7.4.1
 
@@ -134,10 +134,7 @@ class _Connection:
             message = await self._websocket.receive()
             if message["type"] == "websocket.disconnect":
                 return
-            data = message.get("text") or message.get("bytes") or b""
-            if len(data) > MAX_MESSAGE_BYTES:
-                raise HungUpError(f"A message has at most {MAX_MESSAGE_BYTES} bytes.")
-            receive(data)
+            receive(message.get("text") or message.get("bytes") or b"")
 
     async def _write(self) -> None:
         while True:
@@ -152,7 +149,7 @@ class _Connection:
     async def close_with(self, message: bytes) -> None:
         """Send a last message, and close."""
         with suppress(WebSocketDisconnect, OSError, TimeoutError, RuntimeError):
-            async with asyncio.timeout(1.0):
+            async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 if self._websocket.application_state == WebSocketState.CONNECTED:
                     await self._websocket.send_text(message.decode())
                     await self._websocket.close(POLICY_VIOLATION)

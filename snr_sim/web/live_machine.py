@@ -26,8 +26,8 @@ from snr_sim.core.page_age import page_age_s
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.web.explanation import Explanations
-from snr_sim.web.message_parts import Problem
-from snr_sim.web.messages import By, Edited, Hello, Program, State, Why, WhyAnswer
+from snr_sim.web.message_parts import By, Problem
+from snr_sim.web.messages import Edited, Hello, Program, State, Why, WhyAnswer
 from snr_sim.web.moments import MAX_MOMENTS, Moments, moment_of
 from snr_sim.web.pages import HungUpError, Rights
 from snr_sim.web.readings import commands_of, parts_of, readings_of, shown

@@ -1,10 +1,23 @@
-"""What messages of the live page contain; see `messages.py`."""
+"""What messages of the live page contain, and the bounds of their fields; see `messages.py`."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
+
+MAX_MESSAGE_BYTES = 1 << 18  # of a message of the page
+MAX_TEXT_CHARS = 200_000  # of a program
+MAX_NAME_CHARS = 500
+
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+Name: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_NAME_CHARS)]
+ShortText: TypeAlias = Annotated[str, msgspec.Meta(max_length=10_000)]
+Text: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_TEXT_CHARS)]
+Sha256: TypeAlias = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+By: TypeAlias = Literal["start", "page", "elsewhere"]
+RunTime: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
+Integer: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]  # what JavaScript counts exactly
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

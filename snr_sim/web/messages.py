@@ -71,24 +71,27 @@ From the page:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import msgspec
 
-from snr_sim.web.message_parts import Command, Graph, Moment, Problem, Reading, RobotPart, WhyRow
-
-MAX_MESSAGE_BYTES = 1 << 18  # of a message of the page
-MAX_TEXT_CHARS = 200_000  # of a program
-MAX_NAME_CHARS = 500
-
-Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
-Name: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_NAME_CHARS)]
-ShortText: TypeAlias = Annotated[str, msgspec.Meta(max_length=10_000)]
-Text: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_TEXT_CHARS)]
-Sha256: TypeAlias = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
-By: TypeAlias = Literal["start", "page", "elsewhere"]
-RunTime: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
-Integer: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]  # what JavaScript counts exactly
+from snr_sim.web.message_parts import (
+    By,
+    Command,
+    Count,
+    Graph,
+    Integer,
+    Moment,
+    Name,
+    Problem,
+    Reading,
+    RobotPart,
+    RunTime,
+    Sha256,
+    ShortText,
+    Text,
+    WhyRow,
+)  # fmt: skip
 
 
 class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):

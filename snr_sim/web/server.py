@@ -12,7 +12,7 @@ import uvicorn
 
 from snr_sim.web.access import Access
 from snr_sim.web.app import STATIC, make_app
-from snr_sim.web.messages import MAX_MESSAGE_BYTES
+from snr_sim.web.message_parts import MAX_MESSAGE_BYTES
 from snr_sim.web.pages import TICK_PERIOD_S, Page
 
 MAX_REQUESTS = 128  # at once; beyond it, status 503

@@ -32,6 +32,7 @@ DIVER = """(var push := [5])
 """
 
 
+SHA = parse(DIVER, BRIDGE.parts).sha256
 _COUNT = itertools.count()
 
 
@@ -109,3 +110,7 @@ def record_dive(folder: Path, factories: list[Any], until_s: float) -> Path:
     finally:
         writer.close()
     return folder
+
+
+def edit(browser: Browser, number: int, text: str, base: str = SHA) -> None:
+    browser.send("edit", number=number, text=text, base_sha256=base)

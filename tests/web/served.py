@@ -8,10 +8,11 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from snr_sim import Config, Node, tasks
@@ -105,3 +106,21 @@ def browser(access: Access, token: str = "", *, name: str = "diver", **options: 
     given["sock"] = socket.create_connection((access.host, access.port))  # whatever name is in the address
     with connect(address, additional_headers=headers, max_size=None, **given) as connected:
         yield Client(connected)
+
+
+def goes_on(node: Node) -> None:
+    """The robot takes its steps, and its page can be opened."""
+    steps = node.machine.executed
+    wait_for(lambda: node.machine.executed > steps + 20)
+    assert not node.is_finished
+
+
+def last_words(page: Client) -> str:
+    """Return the reason in the last message, and wait for the end."""
+    reason = ""
+    with suppress(ConnectionClosed):
+        while True:
+            message = page.receive()
+            if message["kind"] == "gone":
+                reason = message["reason"]
+    return reason

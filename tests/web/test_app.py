@@ -6,6 +6,9 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+import pytest
+
+from snr_sim.web import app
 from snr_sim.web.access import Access
 from snr_sim.web.app import make_app
 from snr_sim.web.pages import Rights, Send
@@ -59,12 +62,15 @@ async def call(
     async def send(message: Any) -> None:
         sent.append(message)
 
+    await make_app(pages, ACCESS)(scope_of(kind, path), receive, send)
+
+
+def scope_of(kind: str, path: str) -> dict[str, Any]:
     headers = {"host": ACCESS.netloc, "origin": ACCESS.origin, "cookie": f"{ACCESS.cookie}={ACCESS.token}"}
-    scope = {
+    return {
         "type": kind, "path": path, "query_string": b"", "method": "GET", "root_path": "", "scheme": "http",
         "headers": [(key.encode(), value.encode()) for key, value in headers.items()],
     }  # fmt: skip
-    await make_app(pages, ACCESS)(scope, receive, send)
 
 
 def test_several_pages_are_listed_with_their_titles() -> None:
@@ -99,6 +105,30 @@ def test_connection_is_served_by_its_page_until_it_ends() -> None:
     asyncio.run(call("websocket", "/robots/socket", (one, other), receive, sent))
     assert [message.get("text") for message in sent] == [None, "change", "hello"]
     assert (one.closed, other.closed) == (0, 1)
+
+
+def test_browser_that_reads_nothing_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What waits for it is bounded; then its session is closed, and its page is not sent more."""
+    monkeypatch.setattr(app, "CLOSE_TIMEOUT_S", 0.01)
+    page = Echo("robots", "all robots")
+    accepted = asyncio.Event()
+
+    async def receive() -> dict[str, Any]:
+        if not accepted.is_set():
+            return {"type": "websocket.connect"}
+        return {"type": "websocket.receive", "text": "more"}
+
+    async def send(message: Any) -> None:
+        if message["type"] != "websocket.accept":
+            await asyncio.Event().wait()  # its buffers are full
+        accepted.set()
+
+    async def serve() -> None:
+        async with asyncio.timeout(10.0):
+            await make_app([page], ACCESS)(scope_of("websocket", "/robots/socket"), receive, send)
+
+    asyncio.run(serve())
+    assert page.closed == 1
 
 
 def test_unknown_page_has_no_connection() -> None:

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import json
-import random
 import socket
 import time
 from collections.abc import Iterator
 from typing import Any
 
-import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from snr_sim import Node
 from snr_sim.prelude.errors import LinkError
-from snr_sim.web import live_machine, session
 from snr_sim.web.access import POLICY, Access
 from snr_sim.web.live import LiveLoopFactory
-from snr_sim.web.messages import MAX_MESSAGE_BYTES, decode_from_page
+from snr_sim.web.message_parts import MAX_MESSAGE_BYTES
 from tests.web.dive import DIVER, with_push
-from tests.web.served import browser, get, served, wait_for
+from tests.web.served import browser, get, goes_on, last_words, served, wait_for
 
 pytestmark = pytest.mark.slow
 Served = tuple[Node, LiveLoopFactory]
@@ -190,24 +187,6 @@ def test_read_token_shows_and_changes_nothing(server: Served) -> None:
 # -- what closes a connection -----------------------------------------------------------------------------------------
 
 
-def goes_on(node: Node) -> None:
-    """The robot takes its steps, and its page can be opened."""
-    steps = node.machine.executed
-    wait_for(lambda: node.machine.executed > steps + 20)
-    assert not node.is_finished
-
-
-def last_words(page: Any) -> str:
-    """Return the reason in the last message, and wait for the end."""
-    reason = ""
-    with contextlib.suppress(ConnectionClosed):
-        while True:
-            message = page.receive()
-            if message["kind"] == "gone":
-                reason = message["reason"]
-    return reason
-
-
 @pytest.mark.parametrize("data", ["garbage", "{}", b"\x00\xff", '{"kind": "do", "what": "terminate"}', "[" * 10_000])
 def test_garbage_closes_the_connection(data: str | bytes, server: Served) -> None:
     node, live = server
@@ -254,8 +233,7 @@ def test_flood_of_messages_closes_the_connection(server: Served) -> None:
     assert inputs_of_page(node) == 0
 
 
-def test_browser_that_reads_nothing_is_closed(server: Served) -> None:
-    """It asks for much and reads nothing: what waits for it is bounded, and then it is hung up on."""
+def test_browser_that_reads_nothing_disturbs_no_other(server: Served) -> None:
     node, live = server
     access = live.access
     raw = socket.create_connection((access.host, access.port))
@@ -339,71 +317,6 @@ def test_half_a_request_holds_up_nothing(server: Served) -> None:
         with browser(live.access) as page:
             page.wait("state")
     goes_on(node)
-
-
-# -- random messages --------------------------------------------------------------------------------------------------
-
-
-def send_random(live: LiveLoopFactory, count: int) -> None:
-    """Send random messages; after an invalid one, the server is to close the connection."""
-    rng, sent = random.Random(1), 0
-    while sent < count:
-        with browser(live.access) as page:
-            sha256 = page.receive()["sha256"]
-            is_message = True
-            while sent < count and is_message:
-                data = random_message(rng, sha256)
-                sent += 1
-                try:
-                    decode_from_page(data)
-                except (msgspec.DecodeError, UnicodeDecodeError):
-                    is_message = False
-                page.socket.send(data)
-                if is_message and sent % 20 == 0:  # reads what has come; who does not is hung up on
-                    page.wait("state")
-            if not is_message:
-                assert "not a message" in last_words(page)
-
-
-def random_message(rng: random.Random, sha256: str) -> str | bytes:
-    kinds: list[dict[str, Any]] = [
-        {"kind": "edit", "number": rng.randrange(9), "text": with_push(rng.randrange(9)), "base_sha256": sha256},
-        {"kind": "set", "path": rng.choice(["push", "x"]), "value": rng.choice([1, 2.5, "a", None, True])},
-        {"kind": "do", "what": rng.choice(["pause", "go", "step", "undo"])},
-        {"kind": "show", "t_s": rng.random()},
-        {"kind": "give", "signal": rng.choice(["halt", "y"])},
-        {"kind": "why", "machine": "", "transition": "", "from_s": 0.0, "until_s": rng.random()},
-    ]
-    text = json.dumps(rng.choice(kinds))
-    if rng.random() < 0.95:
-        return text
-    at = rng.randrange(len(text))
-    damaged = text[:at] + rng.choice(["", "{", '"', "9", "\u2028", "null"]) + text[at + rng.randrange(3) :]
-    return damaged if rng.random() < 0.8 else damaged.encode() + bytes([rng.randrange(256)])
-
-
-def check_random(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    for limit in ("MESSAGES_PER_S", "MESSAGES_AT_ONCE", "CHANGES_PER_S", "CHANGES_AT_ONCE"):
-        monkeypatch.setattr(session, limit, 1e9)  # it is the messages that are tried here
-    monkeypatch.setattr(live_machine, "MAX_UNANSWERED", count)
-    with served() as (node, live):
-        send_random(live, count)
-        goes_on(node)
-        with browser(live.access) as page:
-            hello = page.receive()
-            page.send("do", what="go")
-            page.send("edit", number=1, text=with_push(50), base_sha256=hello["sha256"])
-            assert page.wait("edited")["ok"]
-            assert page.wait("state", lambda one: one["variables"] == {"push": 50})
-
-
-def test_2000_random_messages_leave_robot_and_page_alive(monkeypatch: pytest.MonkeyPatch) -> None:
-    check_random(2_000, monkeypatch)
-
-
-@pytest.mark.nightly(minutes=4)
-def test_100_000_random_messages_leave_robot_and_page_alive(monkeypatch: pytest.MonkeyPatch) -> None:
-    check_random(100_000, monkeypatch)
 
 
 def test_access_is_new_for_each_run() -> None:

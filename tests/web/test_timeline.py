@@ -17,6 +17,7 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.web.recorded_machine import RecordedMachine
 from snr_sim.web.timeline import RecordedTimeline, machines_in
 from tests.web.dive import BRIDGE, DEPTHS, DIVER, event_at, with_push
 
@@ -242,6 +243,14 @@ def test_damaged_record_is_an_error_with_its_file(old: bytes, new: bytes, record
     (folder / FILE_NAME).write_bytes(data.replace(old, new))
     with pytest.raises(TraceError, match=FILE_NAME):
         timeline(folder).state_at(2.0)
+
+
+def test_page_over_a_damaged_run_is_an_error_and_closes_the_file(record: Record) -> None:
+    folder = record()
+    data = (folder / FILE_NAME).read_bytes()
+    (folder / FILE_NAME).write_bytes(data.replace(b'"t_ns":', b'"t_xs":'))
+    with pytest.raises(TraceError, match="not one of a machine"):
+        RecordedMachine(folder, "", "a dive", BRIDGE)
 
 
 def test_missing_or_foreign_file_is_an_error(tmp_path: Path) -> None:
