@@ -78,7 +78,7 @@ def test_edit_in_flight_is_recorded_replayed_shown_and_explained(here: Path) -> 
         assert get(access, f"/?token={access.token}")[0] == 303
         with browser(access, name="dora") as page:
             hello = page.receive()
-            page.wait("state", lambda one: one["active"] == {"dora": "forward"})
+            page.wait("state", lambda one: one["active"] == {"dora": "forward"} and one["t_s"] > 0.3)
             text = hello["text"].replace("(var speed := [50])", "(var speed := [80])")
             assert text != hello["text"]
             page.send("edit", number=1, text=text, base_sha256=hello["sha256"])
