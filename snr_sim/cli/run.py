@@ -74,6 +74,8 @@ def run(
             "--watch needs --speed: a fast run ends before a file is saved.", fix="--watch --speed real."
         )
     page = LivePage.of_options(live, live_port, live_host, live_token_file)
+    if page is not None and pace is None:
+        print_note("A fast run may be over before its page is open. Try: --speed real, or snr machine view RUN later.")
     _print_sources(context, io)
     if show and not show_web:
         from snr_sim.view.view_server import check_display

@@ -10,6 +10,7 @@ import asyncio
 from collections import deque
 from contextlib import ExitStack, suppress
 from dataclasses import replace
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -122,6 +123,7 @@ class LiveLoop(RestartingLoop):
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
+        import_module("snr_sim.web.server")  # takes 0.2 s, in which the robot's thread would wait for it later
         for one in self.parent.components.values():
             if isinstance(one, MachineEndpoint):
                 one.recent = deque(maxlen=MAX_MOMENTS)  # before it begins, if this loop is the first component

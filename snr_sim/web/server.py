@@ -45,7 +45,7 @@ async def serve(
         proxy_headers=False,
         server_header=False,
         limit_concurrency=MAX_REQUESTS,
-        timeout_graceful_shutdown=1,
+        timeout_graceful_shutdown=0,  # a browser that hangs does not delay the end of the run
     )
     server = uvicorn.Server(config)
     serving = asyncio.create_task(server.serve(sockets=[sock]))

@@ -302,6 +302,9 @@ def test_end_of_the_run_is_sent_and_does_not_wait() -> None:
         with served() as (node, live):
             page = stack.enter_context(browser(live.access))
             page.wait("state")
+            for request in (b"GET / HTTP/1.1\r\n", b""):  # two that hang
+                raw = stack.enter_context(contextlib.closing(socket.create_connection((live.host, live.port))))
+                raw.sendall(request)
             begun_s = time.monotonic()
         assert time.monotonic() - begun_s < 5.0
         assert last_words(page) == "The run has ended: test."
