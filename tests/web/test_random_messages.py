@@ -1,9 +1,11 @@
-"""Random messages over the live page's port, right ones and damaged ones: robot and page go on."""
+"""Many messages over the live page's port, right ones and damaged ones: robot and page continue, and nothing grows."""
 
 from __future__ import annotations
 
+import gc
 import json
 import random
+import tracemalloc
 from typing import Any
 
 import msgspec
@@ -13,7 +15,7 @@ from snr_sim.web import live_machine, session
 from snr_sim.web.live import LiveLoopFactory
 from snr_sim.web.messages import decode_from_page
 from tests.web.dive import with_push
-from tests.web.served import browser, goes_on, last_words, served
+from tests.web.served import Client, browser, goes_on, last_words, served
 
 pytestmark = pytest.mark.slow
 
@@ -78,3 +80,34 @@ def test_2000_random_messages_leave_robot_and_page_alive(monkeypatch: pytest.Mon
 @pytest.mark.nightly(minutes=4)
 def test_100_000_random_messages_leave_robot_and_page_alive(monkeypatch: pytest.MonkeyPatch) -> None:
     check_random(100_000, monkeypatch)
+
+
+def edit_often(page: Client, sha256: str, count: int) -> str:
+    """Edit, by 97 texts in turn: 4096 compiled blocks are kept, which is not what is looked for here."""
+    for i in range(count):
+        page.send("edit", number=i, text=with_push(i % 97), base_sha256=sha256)
+        answer = page.wait("edited")
+        assert answer["ok"]
+        sha256 = answer["sha256"]
+        page.received.clear()
+    gc.collect()
+    return sha256
+
+
+@pytest.mark.nightly(minutes=3)
+def test_2000_edits_leave_no_growth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many as a person makes in a quarter of an hour."""
+    monkeypatch.setattr(session, "CHANGES_PER_S", 1e9)
+    monkeypatch.setattr(session, "CHANGES_AT_ONCE", 1e9)
+    with served() as (node, live), browser(live.access) as page:
+        sha256 = edit_often(page, page.receive()["sha256"], live_machine.MAX_PROGRAMS + 300)
+        tracemalloc.start()
+        try:
+            sha256 = edit_often(page, sha256, 500)
+            before = tracemalloc.get_traced_memory()[0]
+            edit_often(page, sha256, 1000)
+            growth = tracemalloc.get_traced_memory()[0] - before
+            assert growth < 200_000, growth
+        finally:
+            tracemalloc.stop()
+        goes_on(node)

@@ -228,7 +228,7 @@ def test_flood_of_messages_closes_the_connection(server: Served) -> None:
             for _ in range(20_000):
                 page.socket.send('{"kind": "do", "what": "pause"}')
         last_words(page)
-        assert page.socket.close_code == 1008
+        assert page.socket.close_code in (1008, 1006)  # if bytes are left unread, a close is a reset for the client
     goes_on(node)
     assert inputs_of_page(node) == 0
 
