@@ -237,12 +237,11 @@ class MachineSession:
         task.add_done_callback(self._answering.discard)
 
     async def _without_errors(self, message: Show | Why, work: Callable[[], Awaitable[None]]) -> None:
-        try:
-            await work()
-        except SnrError as error:
-            self.refuse(message, str(error))
-        except HungUpError:
-            pass  # the browser reads nothing, and its connection is being closed
+        with suppress(HungUpError):  # the browser reads nothing, and its connection is being closed
+            try:
+                await work()
+            except SnrError as error:
+                self.refuse(message, str(error))
 
     async def _show_moment(self, t_s: float) -> None:
         self._send_state(await self._machine.state_at(t_s))

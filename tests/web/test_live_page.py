@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -164,6 +165,22 @@ def test_moment_is_read_from_the_recording(record: Record) -> None:
     assert (program["kind"], program["number"], program["text"]) == ("program", 2, with_push(9))
     assert (shown["is_live"], shown["t_s"], shown["active"]) == (False, 1.2, {"diver": "rising"})
     live.machine.close()
+
+
+def test_answer_to_a_browser_that_reads_nothing_is_dropped(live: Live) -> None:
+    browser = live.browser()
+    browser.session._send = refuse
+    failed: list[object] = []
+
+    async def ask() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda loop, context: failed.append(context))
+        browser.send("show", t_s=0.5)
+        for _ in range(3):
+            await asyncio.sleep(0)
+        gc.collect()
+
+    asyncio.run(ask())
+    assert failed == []
 
 
 def test_questions_that_wait_are_bounded(live: Live) -> None:
