@@ -43,6 +43,7 @@ PACKAGES = [
     "snr_sim.std_mods",
     "snr_sim.teleop",
     "snr_sim.testing",
+    "snr_sim.web",
 ]
 # What robots, scenarios, labs and pages import that is not public. This list may only shrink.
 # Grading's parts in labs 8 to 11 belong to these labs, and constants of a module are internal.

@@ -33,15 +33,15 @@ FLOOR = {
     "supervision": 3,
     "teleop": 3,
     "testing": 3,
-    "schemas": 4,
-    "scenario": 4,
-    "thesis": 4,
-    "learning": 5,
-    "grading": 6,
-    "web": 6,
-    "cli": 7,
-    "notebook": 7,
-    "__main__": 8,
+    "web": 4,
+    "schemas": 5,
+    "scenario": 5,
+    "thesis": 5,
+    "learning": 6,
+    "grading": 7,
+    "cli": 8,
+    "notebook": 8,
+    "__main__": 9,
 }
 HEAVY = {
     "mujoco",
@@ -59,6 +59,9 @@ HEAVY = {
     "matplotlib",
     "zenoh",
     "distributed",
+    "starlette",
+    "uvicorn",
+    "websockets",
 }
 
 

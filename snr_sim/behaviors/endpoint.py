@@ -7,10 +7,11 @@ others --> events that are signals'                   `--> event "<name>.transit
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -120,7 +121,25 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
-EVENTS = ("transition", "log", "step", "set", "pause", "go", "edit", "edit_file")  # that no other component needs
+# That no other component needs.
+EVENTS = ("transition", "log", "step", "set", "pause", "step_once", "go", "edit", "edit_file")
+STEP_ONCE_NS = 10_000_000  # by which the time of a machine that is paused advances in a single step
+
+
+class EditAnswer(NamedTuple):
+    """An edit that a machine has answered.
+
+    Args:
+        text: that it brought.
+        answer: data of the page "<name>.edited".
+        program: which runs now.
+        t_s: when.
+    """
+
+    text: object
+    answer: Mapping[str, Any]
+    program: Program
+    t_s: float
 
 
 class MachineEndpoint(Endpoint):
@@ -132,6 +151,8 @@ class MachineEndpoint(Endpoint):
 
         <name>.set [path, value]    sets a variable, such as "mission.gate"
         <name>.pause, <name>.go     between them it takes no step, and its time stands still; signals are ignored
+        <name>.step_once            while it is paused: takes one step, 10 ms later for it; the robot stays in neutral,
+                                    and what the step commanded is given by <name>.go
         <name>.edit [text, sha256, files]
                                     continues with another program in LRP; the digest, if given, is that of the program
                                     which was edited, and the edit is refused if it is another one by now; `files` are
@@ -153,6 +174,8 @@ class MachineEndpoint(Endpoint):
         )
         self.is_paused: bool = False
         self.program_number: int = 1
+        # Changes and answered edits, each with the number of the program then, for a reader on another thread.
+        self.recent: deque[tuple[int, Change | EditAnswer]] | None = None
         self._paused_ns = 0
         self._mark: Any = None  # what the robot was commanded when it was paused
         self._transition = f"{name}.transition"
@@ -172,6 +195,7 @@ class MachineEndpoint(Endpoint):
             (TaskType.event, f"{name}.step"): self.on_step,
             (TaskType.event, f"{name}.set"): self.on_set,
             (TaskType.event, f"{name}.pause"): self.on_pause,
+            (TaskType.event, f"{name}.step_once"): self.on_step_once,
             (TaskType.event, f"{name}.go"): self.on_go,
             (TaskType.event, f"{name}.edit"): self.on_edit,
             (TaskType.event, f"{name}.edit_file"): self.on_edit_file,
@@ -238,6 +262,22 @@ class MachineEndpoint(Endpoint):
             commands = robot.take_tasks()
         return [*commands, self.store_data_task(self.name, self._page())]
 
+    def on_step_once(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take a step while paused."""
+        if not self.is_paused:
+            return None
+        self._paused_ns += STEP_ONCE_NS
+        robot = self.interpreter.robot
+        if robot is None:
+            changes = self.interpreter.step(self._paused_ns)
+        else:
+            robot.undo(self._mark)
+            changes = self.interpreter.step(self._paused_ns)
+            self._mark = robot.mark()
+            robot.stop()
+        done = self._results(changes)
+        return done if changes else [*done, self.store_data_task(self.name, self._page())]
+
     def on_go(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue as if no time had passed."""
         if not self.is_paused:
@@ -253,31 +293,45 @@ class MachineEndpoint(Endpoint):
 
     def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue with another text, if it is a program."""
+        return self._answered(task, self._edit(task))
+
+    def on_edit_file(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Continue with another text of a file that the program imports."""
+        return self._answered(task, self._edit_file(task))
+
+    def _answered(self, task: Task, done: list[Task]) -> list[Task]:
+        """Return what an edit causes; its last task stores the answer."""
+        if self.recent is not None:
+            text, answer = (*task.val_list, None)[0], done[-1].val_list[0].data
+            now_s = self.get_time_s()
+            self.recent.append((self.program_number, EditAnswer(text, answer, self.interpreter.program, now_s)))
+        return done
+
+    def _edit(self, task: Task) -> list[Task]:
         text, base, files = (*task.val_list, *("", "", None)[len(task.val_list) :])[:3]
         now = self.interpreter.program
         files = now.files if files is None else files
         if not isinstance(text, str) or not isinstance(base, str) or not _are_texts(files):
-            return self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])
+            return [self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])]
         if base not in ("", now.sha256):
-            return self._edited([Problem(Place(), "Another edit came first.", "edit the present text.")], text=now.text)
+            stale = Problem(Place(), "Another edit came first.", "edit the present text.")
+            return [self._edited([stale], text=now.text)]
         return self._continue_with(text, files)
 
-    def on_edit_file(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Continue with another text of a file that the program imports."""
+    def _edit_file(self, task: Task) -> list[Task]:
         text, file = (*task.val_list, "", "")[:2]
         now = self.interpreter.program
         if not isinstance(text, str) or not isinstance(file, str) or file not in now.files:
-            return self._edited(
-                [Problem(Place(), f"The program imports no file {file!r:.80}.", f"{task.name} [text, file].")]
-            )
+            unknown = Problem(Place(), f"The program imports no file {file!r:.80}.", f"{task.name} [text, file].")
+            return [self._edited([unknown])]
         return self._continue_with(now.text, {**now.files, file: text})
 
-    def _continue_with(self, text: str, files: Mapping[str, str]) -> SomeTasks:
+    def _continue_with(self, text: str, files: Mapping[str, str]) -> list[Task]:
         bridge = self.factory.bridge
         try:
             program = parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
         except ProgramError as error:
-            return self._edited(error.problems)
+            return [self._edited(error.problems)]
         edited, changes = self.interpreter.edit(program, self._now_ns())
         self.program_number += 1
         self._set_handlers()
@@ -290,7 +344,8 @@ class MachineEndpoint(Endpoint):
         """Return the task that stores the answer to an edit; log what was refused."""
         if edited is None:
             for one in problems:
-                self.log.warning("%s, line %s:%s: %s", self.name, one.place.line, one.place.column, one.message)
+                where = f", line {one.place.line}:{one.place.column}" if one.place.line else ""
+                self.log.warning("%s%s: %s", self.name, where, one.message)
             self.log.warning("%s: program %s continues.", self.name, self.program_number)
         else:
             for note in edited.notes:
@@ -320,6 +375,8 @@ class MachineEndpoint(Endpoint):
         if changes:
             self._last = changes[-1]
             found += [tasks.event(self._transition, [msgspec.structs.asdict(one)]) for one in changes]
+            if self.recent is not None:
+                self.recent.extend((self.program_number, one) for one in changes)
             found.append(self.store_data_task(self.name, self._page()))
         return found
 

@@ -469,8 +469,9 @@ class Interpreter:
 
     @property
     def variables(self) -> dict[str, Any]:
-        """All variables by path, such as "mission.gate"."""
-        return {path: self._bound.slots[place] for path, place in self._bound.places.items()}
+        """All variables by path, such as "mission.gate". From any thread."""
+        bound = self._bound  # an edit on another thread replaces it
+        return {path: bound.slots[place] for path, place in bound.places.items()}
 
     def set(self, path: str, value: Any) -> None:
         """Set a variable.

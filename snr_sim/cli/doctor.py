@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _EXTRAS = {
     "sim": ("pymunk", "gymnasium", "mujoco-core"),
     "view": ("rerun-sdk", "matplotlib"),
+    "web": ("starlette", "uvicorn", "websockets"),
     "hardware": ("pyserial", "smbus2", "numpy"),
 }
 _LOWEST_PYTHON = (3, 11)

@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Bridge
     from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw", "check", "coverage", "explore", "lag", "why")
+_WHAT = ("draw", "check", "coverage", "explore", "lag", "view", "why")
 SAME_MOMENT_S = 0.02  # of --at: two steps at 100 Hz
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw, check, coverage, explore, lag or why.")],
+    what: Annotated[str, typer.Argument(help="draw, check, coverage, explore, lag, view or why.")],
     file: Annotated[
         str,
         typer.Argument(
-            help="An LRP program, or a Python file in which machine(...) is called. Of lag and why a run, of coverage "
-            "a scenario."
+            help="An LRP program, or a Python file in which machine(...) is called. Of lag, view and why a run, of "
+            "coverage a scenario."
         ),
     ],
-    name: Annotated[str, typer.Option(help="Which machine, if a Python file has several.")] = "",
+    name: Annotated[str, typer.Option(help="Which machine, if a Python file or a run has several.")] = "",
     to: Annotated[str, typer.Option("--as", help="Of draw: mermaid, dot, scxml or text.")] = "mermaid",
     robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
     machine_path: Annotated[str, typer.Option("--machine", help="Of why: path of a machine; all if not given.")] = "",
@@ -42,6 +42,7 @@ def machine(
     seeds: Annotated[str, typer.Option(help="Of coverage: seeds of the scenario, as 0..19.")] = "0..9",
     controller: Annotated[str, typer.Option(help="Of coverage: as of snr run.")] = "",
     min_percent: Annotated[float, typer.Option("--min", help="Of coverage: exit status 1 below it.")] = 0.0,
+    port: Annotated[int, typer.Option(help="Of view: not any free port, but this one.")] = 0,
     trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
@@ -53,7 +54,8 @@ def machine(
     cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints which
     states and transitions were not reached. lag prints how old readings were when machines decided, and how
     long commands took. why executes the run again and prints each transition that was looked at, with the values of its
-    condition: at one moment step by step, over an interval as a summary.
+    condition: at one moment step by step, over an interval as a summary. view serves a page that shows the machine at
+    any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
     --min.
@@ -75,6 +77,11 @@ def machine(
         return
     if what == "lag":
         _lag(Path(file), as_json)
+        return
+    if what == "view":
+        from snr_sim.cli.machine_view import view
+
+        view(Path(file), name, port, is_trusted=trust)
         return
     if what == "why":
         from snr_sim.cli.machine_why import why

@@ -10,12 +10,14 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from snr_sim.cli.live_page import add_live_page, print_address
 from snr_sim.cli.output import capture_output, print_note, print_text
 from snr_sim.cli.plain_console import progress
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, TraceError
 
 if TYPE_CHECKING:
+    from snr_sim.cli.live_page import LivePage
     from snr_sim.core.config import Config
     from snr_sim.prelude.plant import Plant
     from snr_sim.recording.records import Header
@@ -39,11 +41,13 @@ def record_run(
     is_json: bool,
     is_watched: bool = False,
     console_port: int | None = None,
+    page: LivePage | None = None,
     stall_limit_s: float | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Run a request into a new run folder; return the content of result.json and the exit status.
 
     Args:
+        page: the live page of its state machines, if there is to be one.
         stall_limit_s: ends a run that stands still for so long; if None, one that is quiet, as a program waits for it.
 
     Raises:
@@ -81,9 +85,18 @@ def record_run(
             stack.callback(console.release)
             console.claim()
             config.get(simulation.roles[0]).append(console)
+        live_page = None
+        if page is not None:
+            live_page = add_live_page(
+                config, simulation.roles, page, f"{simulation.scenario_name}, seed {request.seed}"
+            )
+            stack.callback(live_page.release)
+            live_page.claim()
         with ExitStack() as undo:  # an invalid request should not leave files behind
             folder = new_run_folder(out, simulation.scenario_name, request.seed)
             undo.callback(discard, folder)
+            if live_page is not None:
+                live_page.folder = folder
             recorder = TraceWriter(folder / FILE_NAME, header, simulation.trace_info())
             undo.callback(_close, recorder)
             kept = stack.enter_context(keep_copies(folder, simulation.files().values()))
@@ -106,6 +119,8 @@ def record_run(
         start.close()
         for line in [] if is_json else start_lines:
             print_line(sys.stdout, line)
+        if live_page is not None:
+            print_address(live_page)
         for line in [] if alone is None else alone.start_lines():
             print_line(sys.stderr, line)
         for note in foreseen:

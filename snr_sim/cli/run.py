@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from snr_sim.cli.arguments import AsJson, Io, Out, WithRrd, options_of, pace_of
+from snr_sim.cli.live_page import LOOPBACK, LivePage
 from snr_sim.cli.output import print_json, print_note
 from snr_sim.cli.recorded_run import Shown, record_run
 from snr_sim.core.standard_streams import print_line
@@ -43,6 +44,16 @@ def run(
     console: Annotated[
         int | None, typer.Option(metavar="PORT", help="For `snr console PORT`, on this machine.")
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="A page in the browser to watch and edit its state machines.")
+    ] = False,
+    live_port: Annotated[int, typer.Option(metavar="PORT", help="Of --live: not any free port, but this one.")] = 0,
+    live_host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Of --live: another address; needs --live-token-file.")
+    ] = LOOPBACK,
+    live_token_file: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Of --live: a token of your own, at least 16 characters.")
+    ] = None,
     as_json: AsJson = False,
     stall_limit: Annotated[
         float | None,
@@ -63,6 +74,9 @@ def run(
         raise ParameterError(
             "--watch needs --speed: a fast run ends before a file is saved.", fix="--watch --speed real."
         )
+    page = LivePage.of_options(live, live_port, live_host, live_token_file)
+    if page is not None and pace is None:
+        print_note("A fast run may be over before its page is open. Try: --speed real, or snr machine view RUN later.")
     _print_sources(context, io)
     if show and not show_web:
         from snr_sim.view.view_server import check_display
@@ -79,6 +93,7 @@ def run(
         is_json=as_json,
         is_watched=watch,
         console_port=console,
+        page=page,
         stall_limit_s=stall_limit,
     )
     if as_json:

@@ -55,7 +55,7 @@ VERBS = {
     ),
     "machine": Verb(
         "Draw or check the state machines of a file, or explain those of a run.",
-        ("snr machine draw mission.py --as dot", "snr machine check landing.lrp --robot lander"),
+        ("snr machine check landing.lrp --robot lander", "snr machine view runs/dora_room-0-..."),
     ),
     "io": Verb("Show every channel and reading.", ("snr io --io mcu:/dev/ttyUSB0 --move pwm4",)),
     "doctor": Verb("Check this machine.", ("snr doctor --io mcu:/dev/ttyUSB0",)),

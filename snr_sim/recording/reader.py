@@ -88,12 +88,7 @@ def read_trace(path: Path) -> Trace:
     written = data.partition(_NEVER_WRITTEN)[0]
     lines = written.split(b"\n")
     tail = lines.pop()  # what follows the last newline: nothing, unless the file was cut
-    if not lines:
-        raise TraceError(f"The trace {path} has no whole line.", fix=_TRUNCATED_TOO_EARLY)
-    trace_info = _read_trace_info(path, lines[0])
-    if len(lines) == 1:
-        raise TraceError(f"The trace {path} has no whole header.", fix=_TRUNCATED_TOO_EARLY)
-    header = _read_beginning(path, lines[1], Header, "its header")
+    trace_info, header = beginning_of(path, lines[:2])
     records: list[Record] = []
     references = References()
     for seq, line in enumerate(lines[2:], start=1):
@@ -112,6 +107,24 @@ def read_trace(path: Path) -> Trace:
     digest = digest_of(written[len(lines[0]) + 1 : len(written) - len(tail)])
     is_truncated = bool(tail) or len(written) < len(data)
     return Trace(path, trace_info, header, records, digest.hexdigest(), is_truncated)
+
+
+def beginning_of(path: Path, lines: list[bytes]) -> tuple[TraceInfo, Header]:
+    """Return what the first two lines of a trace contain.
+
+    Args:
+        path: of the file, for messages.
+        lines: the whole ones among the first two.
+
+    Raises:
+        TraceError: they are missing, have another version, or are damaged.
+    """
+    if not lines:
+        raise TraceError(f"The trace {path} has no whole line.", fix=_TRUNCATED_TOO_EARLY)
+    trace_info = _read_trace_info(path, lines[0])
+    if len(lines) == 1:
+        raise TraceError(f"The trace {path} has no whole header.", fix=_TRUNCATED_TOO_EARLY)
+    return trace_info, _read_beginning(path, lines[1], Header, "its header")
 
 
 # JSON text never has this byte. After a power loss a file ends with it where blocks were allocated but not written.

@@ -1,4 +1,4 @@
-"""Generate the schemas of traces, links and consoles from the classes that read and write them.
+"""Generate the schemas of traces, links, consoles and live pages from the classes that read and write them.
 
 The others are written by hand. Run `python -m snr_sim.schemas --write` after a change of such a class; a test compares
 the files.
@@ -17,6 +17,7 @@ from snr_sim.console.wire import CommandMessage, CompleteMessage, CompletionsMes
 from snr_sim.links.messages import VERSION, Control
 from snr_sim.recording.records import SCHEMA, Header, Line, TraceInfo
 from snr_sim.schemas import SUFFIX
+from snr_sim.web.messages import FromPage, FromServer
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 PAGE = {"$ref": f"page{SUFFIX}"}
@@ -29,6 +30,11 @@ def generated() -> dict[str, str]:
             f"A message between a node and a console, protocol version {VERSION}",
             "The content of one frame, after its four bytes of length.",
             _schema_of(Control | CommandMessage | CompleteMessage | Reply | CompletionsMessage),
+        ),
+        "live": _text(
+            "A message between the live page of a state machine and its server",
+            "The content of one text frame of the WebSocket.",
+            _schema_of(FromServer, FromPage),
         ),
         "trace": _text(
             f"A line of trace.jsonl, format {SCHEMA}",
@@ -50,12 +56,12 @@ def write(folder: Path) -> None:
         (folder / f"{name}{SUFFIX}").write_text(text, encoding="utf-8")
 
 
-def _schema_of(kinds: Any) -> dict[str, Any]:
-    schema: dict[str, Any] = msgspec.json.schema(kinds)
-    schema.pop("discriminator", None)  # an OpenAPI keyword
-    for definition in schema["$defs"].values():
+def _schema_of(*unions: Any) -> dict[str, Any]:
+    """Return the schema of messages of several unions; each of them may have the same tags."""
+    schemas, definitions = msgspec.json.schema_components(unions, ref_template="#/$defs/{name}")
+    for definition in definitions.values():
         definition["description"] = inspect.cleandoc(definition["description"])
-    return schema
+    return {"anyOf": [one for schema in schemas for one in schema["anyOf"]], "$defs": definitions}
 
 
 def _text(title: str, description: str, schema: dict[str, Any], *others: dict[str, Any]) -> str:
