@@ -42,7 +42,7 @@ def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
     machine = RecordedMachine(path.parent, name, title, _bridge_of(header.robot), is_trusted=is_trusted)
     with closing(machine), closing(listen(LOOPBACK, port, "The page")) as sock:
         access = Access(LOOPBACK, sock.getsockname()[1])
-        print_text(f"Open {access.url}\nOnly this computer can reach it. Ctrl-C ends it.")
+        print_text(f"Open {access.url}\nOnly this computer can reach it. Ctrl-C ends it.", flush=True)
         with suppress(KeyboardInterrupt):
             asyncio.run(serve([MachinePage(machine)], access, sock, asyncio.Event()))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import uvicorn
@@ -17,6 +18,15 @@ from snr_sim.web.pages import TICK_PERIOD_S, Page
 
 MAX_REQUESTS = 128  # at once; beyond it, status 503
 LAST_WORDS_S = 0.05  # for the last messages to leave
+
+
+class _Server(uvicorn.Server):
+    """A server that leaves signals alone: it would raise them again inside a task, and threads would never end."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Change no handler."""
+        yield
 
 
 async def serve(
@@ -47,7 +57,7 @@ async def serve(
         limit_concurrency=MAX_REQUESTS,
         timeout_graceful_shutdown=0,  # a browser that hangs does not delay the end of the run
     )
-    server = uvicorn.Server(config)
+    server = _Server(config)
     serving = asyncio.create_task(server.serve(sockets=[sock]))
     ticking = asyncio.create_task(_tick(pages))
     waiting = asyncio.create_task(ending.wait())
