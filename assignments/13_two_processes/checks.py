@@ -11,10 +11,10 @@ from typing import Any
 
 from snr_sim.grading import Lab, Student, SubmissionError, Verdict, check, failed, partial_credit, passed, require_field
 
-from .grader.own_code import find_borrowed
+from .grader.own_code import MODULES, OWN, find_borrowed
 from .grader.rules import OF_2D, Change, Entry, each_event_once, entries_of_outputs, entries_of_run, together
 from .grader.timelines import TIMELINES, anything, judge_rest, judge_states
-from .grader.world import Picture, Timeline, housecat, mono_page, yard_pictures
+from .grader.world import Picture, Timeline, housecat, mono_page, robot_info, yard_pictures
 
 PROGRAMS = ("process_2d.py", "stereo.py", "lidar.py", "slow.py", "answers.py")
 PICTURES, PERIOD_S, SHARE = 10, 0.2, 0.8
@@ -65,6 +65,11 @@ def own_process(student: Student) -> Verdict:
                 "else of the robot, and nothing that leads to it."
             )
             return failed(hint, "names that the README lists", found)
+    tops = {module.partition(".")[0] for module in MODULES if module != OWN}
+    shadows = [name for name in sorted(tops) if any((student.folder / f"{name}{end}").exists() for end in ("", ".py"))]
+    if shadows:
+        hint = f"A file of yours is called like the module '{shadows[0]}', which would be taken for it."
+        return failed(hint, "another name", shadows[0])
     return passed()
 
 
@@ -79,13 +84,13 @@ MISTAKES: list[tuple[str, Callable[[float], float]]] = [
 MISSED = {
     "one group": "Which pixels show stones? Compare red with blue, as the README does for stones and for posts.",
     "two groups": "The nearest stones count, also if those behind are more: on a level floor, lower is nearer.",
-    "no stones": "This image shows no stones, only floor, walls, posts or pit: store nothing.",
+    "some without": "Every other image shows no stones, only floor, walls, posts or pit: store nothing for these.",
 }
 
 
 @check(
     points=15,
-    visible=[Scene("one group", 1), Scene("two groups", 2), Scene("no stones", 3)],
+    visible=[Scene("one group", 1), Scene("two groups", 2), Scene("some without", 3)],
     hidden=drawn(list(MISSED), 2),
     needs=["own_process"],
 )
@@ -94,7 +99,7 @@ def finds(student: Student, case: Scene) -> Verdict:
     given = yard_pictures(case.kind, case.seed, PICTURES)
     stamps = [PERIOD_S * (i + 1) for i in range(PICTURES)]
     pages = [mono_page(stamp, one.rgb) for stamp, one in zip(stamps, given, strict=True)]
-    outputs = student.run_inputs("stereo.py", pages, robot=housecat().info, until_s=stamps[-1] + PERIOD_S)
+    outputs = student.run_inputs("stereo.py", pages, robot=robot_info(), until_s=stamps[-1] + PERIOD_S)
     found: list[list[float]] = [[] for _ in given]
     for one in outputs:
         if one.kind == "store_page" and one.name == "heap_2d":
@@ -149,7 +154,7 @@ def follows_states(student: Student, case: Scene) -> Verdict:
 
 def run_timeline(student: Student, timeline: Timeline) -> list[Entry]:
     """Return what the student's components send."""
-    made = student.run_inputs("stereo.py", timeline.pages, robot=housecat().info)
+    made = student.run_inputs("stereo.py", timeline.pages, robot=robot_info())
     return entries_of_outputs(made, timeline.pages)
 
 
@@ -273,7 +278,7 @@ def judge_answers(student: Student, changes: Sequence[Change]) -> Verdict:
 
 def _is_about(given: dict[str, Any], name: str, right: float, slack: float) -> bool:
     value = given.get(name)
-    return type(value) in (int, float) and abs(value - right) <= slack
+    return isinstance(value, (int, float)) and abs(value - right) <= slack
 
 
 lab = Lab(

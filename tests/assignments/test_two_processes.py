@@ -59,7 +59,7 @@ def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[
 @pytest.mark.unmeasured
 @pytest.mark.slow
 def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], leave_out: Callable[..., None]) -> None:
-    leave_out("clears_by_stereo", "slow_and_explained")
+    leave_out("finds", "clears_by_stereo", "slow_and_explained")
     assert mark(LAB, is_hidden=True, single_hidden="clears_by_lidar") == ({}, "")
 
 
@@ -90,9 +90,11 @@ def test_reference_clears_49_of_50_yards(file: str, ranging: str, tmp_path: Path
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in MISTAKES if name != "the_sum"])
 def test_wrong_solution_loses_listed_points(mark: Callable[..., Any], leave_out: Any, name: str) -> None:
-    leave_out(*RUNS)
+    """Only the checks that it loses are tried, without runs; all of them are tried at night."""
+    lost = {check: points for check, points in MISTAKES[name].lost.items() if check not in RUNS}
+    leave_out(*({one.name for one in find_lab(LAB).checks} - lost.keys() - {"own_process"}))
     found = mark(LAB, name)
-    assert found.lost == {check: points for check, points in MISTAKES[name].lost.items() if check not in RUNS}
+    assert found.lost == lost
     assert MISTAKES[name].hint in found.feedback
 
 
@@ -114,7 +116,7 @@ def test_wrong_answer_loses_listed_points(mark: Callable[..., Any], leave_out: A
 @pytest.mark.slow
 def test_starter_fails_with_hints(mark: Callable[..., Any]) -> None:
     found = mark(LAB, starter=True)
-    assert sum(found.lost.values()) >= 90.0
+    assert sum(found.lost.values()) == 95.0
     assert "Which pixels show stones?" in found.feedback
     assert "process_2d published too few events" in found.feedback
     assert "lidar.py is still stereo.py" in found.feedback
@@ -141,6 +143,7 @@ def test_starter_fails_with_hints(mark: Callable[..., Any]) -> None:
         ("def f():\n    return f.__globals__", "__globals__"),
         ("import math\nmath.__loader__", "__loader__"),
         ("__builtins__", "__builtins__"),
+        ("import numpy as np\nnp.testing.sys", "sys"),
     ],
 )
 def test_program_that_borrows_is_refused_with_its_line(line: str, found: str) -> None:
@@ -182,7 +185,7 @@ def test_nonsense_fails_case_with_hint(check: str, old: str, new: str, hint: str
     assert old in text
     (folder / "process_2d.py").write_text(text.replace(old, new))
     lab = find_lab(LAB)
-    lab.checks = tuple(replace(one, visible=one.visible[-1:], needs=()) for one in lab.checks if one.name == check)
+    lab.checks = tuple(replace(one, visible=one.visible[:1], needs=()) for one in lab.checks if one.name == check)
     graded = grade_submission(lab, folder, None, "none")
     assert (graded.status, graded.faults, graded.points) == ("graded", [], 0.0), graded.error
     assert graded.checks[0].cases[0].hint

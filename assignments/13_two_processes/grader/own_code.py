@@ -24,6 +24,7 @@ MODULES: dict[str, frozenset[str]] = {
 }
 WHOLE = frozenset({"collections", "dataclasses", "enum", "functools", "itertools", "math", "numpy", "statistics"})
 REFUSED = frozenset({"__import__", "eval", "exec", "compile", "globals", "vars", "getattr", "open", "input"})
+LEADING = frozenset({"builtins", "importlib", "inspect", "modules", "os", "sys"})  # of numpy's modules, too
 SPECIAL = frozenset({"__init__", "__name__"})
 
 
@@ -52,7 +53,7 @@ def _borrowed(node: ast.AST) -> Iterator[str]:
             )
         case ast.Name(id=name) if name in REFUSED or (_is_special(name) and name not in SPECIAL):
             yield name
-        case ast.Attribute(attr=name) if _is_special(name) and name not in SPECIAL:
+        case ast.Attribute(attr=name) if name in LEADING or (_is_special(name) and name not in SPECIAL):
             yield name
 
 

@@ -15,6 +15,7 @@ from snr_sim.grading import Stimulus
 from snr_sim.scenario import Request, RobotInfo, prepare
 from snr_sim.signals import Ball
 
+ROBOT = "snr_sim_robot_housecat"
 TICK_S, PICTURE_TICKS = 0.05, 4  # five images a second
 STONE_M = 0.03
 GROUP_M = 0.12  # the nearest stones: not so much farther than the nearest one
@@ -23,13 +24,17 @@ PLACE = (-1.0, 0.0, 0.0)  # x, y and heading of a vehicle that stands
 
 @cache
 def housecat() -> SimpleNamespace:
-    """Return what the cases need of the robot: its camera, its states, a yard, and the argument of `factories`."""
+    """Return what the cases need of the robot: its camera, its states, and what stands in its yard."""
     simulation = prepare(Request("housecat_clear"))  # loads the robot's modules
-    parameters, states = (import_module(f"snr_sim_robot_housecat.{name}") for name in ("parameters", "states"))
-    info = RobotInfo("housecat", "housecat", "housecat_clear", "pymunk", parameters.HousecatParameters(), {})
-    return SimpleNamespace(
-        mono=parameters.MONO, STATES=states.STATES, statics=simulation.plant().scene()["statics"], info=info
-    )
+    parameters, states = (import_module(f"{ROBOT}.{name}") for name in ("parameters", "states"))
+    return SimpleNamespace(mono=parameters.MONO, STATES=states.STATES, statics=simulation.plant().scene()["statics"])
+
+
+def robot_info() -> RobotInfo:
+    """Return the argument of `factories`; of the modules that are loaded now, as a run loads them again."""
+    housecat()
+    parameters = import_module(f"{ROBOT}.parameters").HousecatParameters()
+    return RobotInfo("housecat", "housecat", "housecat_clear", "pymunk", parameters, {})
 
 
 @dataclass(frozen=True)
@@ -71,12 +76,18 @@ def group(rng: random.Random, x: float, y: float, count: int = 9) -> list[Ball]:
 
 
 def yard_pictures(kind: str, seed: int, count: int) -> list[Picture]:
-    """Return images from places in the yard: with one group of stones, with a larger one behind it, or with none."""
+    """Return images from places in the yard.
+
+    Args:
+        kind: "one group" of stones; "two groups", of which the farther one is larger; "some without" any stones.
+        seed: of the places.
+        count: of the images.
+    """
     rng = random.Random(seed)
     found: list[Picture] = []
     while len(found) < count:
         place = rng.uniform(-1.8, -0.6), rng.uniform(-0.7, 0.7), rng.uniform(-0.6, 0.6)
-        if kind == "no stones":
+        if kind == "some without" and len(found) % 2 == 0:
             found.append(picture(place))
             continue
         side = rng.choice((-1.0, 1.0))

@@ -39,16 +39,25 @@ MISTAKES = {
             )
         ],
     ),
+    "the_robots_own_by_a_file": Mistake(
+        "Takes the robot's own Process_2D from a file that is called like a module of Python's.",
+        lost=ALL,
+        hint="is called like the module 'statistics'",
+        changes=[
+            write("statistics.py", "from snr_sim_robot_housecat.process_2d import PROCESS_2D as STATES_2D\n"),
+            write("process_2d.py", "from statistics import STATES_2D as PROCESS_2D\n"),
+        ],
+    ),
     "wrong_sign": Mistake(
         "Counts the bearing to the right.",
-        lost={"finds": 10.0, **RUNS},
+        lost={"finds": 15.0, **RUNS},
         hint="The bearing has the wrong sign",
         changes=[replace("process_2d.py", "return float(-math.atan(", "return float(math.atan(")],
     ),
     "posts": Mistake(
         "Takes the posts for stones.",
         lost={"finds": 5.0, "follows_states": 20.0},
-        hint="This image shows no stones",
+        hint="Every other image shows no stones",
         changes=[replace("process_2d.py", "RED_PER_BLUE = 2.25", "RED_PER_BLUE = 1.9")],
     ),
     "mean_of_all": Mistake(
@@ -61,7 +70,7 @@ MISTAKES = {
     ),
     "old_image": Mistake(
         "Looks at an image from before the state began.",
-        lost={"finds": 10.0, "follows_states": 5.0},
+        lost={"finds": 15.0, "follows_states": 5.0},
         hint="An image from before the state began does not count",
         changes=[replace("process_2d.py", "self.stamp_s = self.entered_s\n", "self.stamp_s = -1.0\n")],
     ),
@@ -119,7 +128,7 @@ MISTAKES = {
     ),
     "left_out": Mistake(
         "Leaves process_2d out of those that the reference machine waits for.",
-        lost={"finds": 10.0, "follows_states": 20.0, "all_together": 10.0, "events_once": 10.0, **RUNS},
+        lost={"finds": 15.0, "follows_states": 20.0, "all_together": 10.0, "events_once": 10.0, **RUNS},
         hint="process_2d published too few events to be judged",
         changes=[without_process_2d(file) for file in ("stereo.py", "lidar.py", "slow.py")],
     ),
