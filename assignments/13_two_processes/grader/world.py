@@ -24,7 +24,7 @@ PLACE = (-1.0, 0.0, 0.0)  # x, y and heading of a vehicle that stands
 
 @cache
 def housecat() -> SimpleNamespace:
-    """Return what the cases need of the robot: its camera, its states, and what stands in its yard."""
+    """Return what the cases need of the robot: its camera, its states, and what is in its yard."""
     simulation = prepare(Request("housecat_clear"))  # loads the robot's modules
     parameters, states = (import_module(f"{ROBOT}.{name}") for name in ("parameters", "states"))
     return SimpleNamespace(mono=parameters.MONO, STATES=states.STATES, statics=simulation.plant().scene()["statics"])
