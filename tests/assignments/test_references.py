@@ -15,6 +15,15 @@ SLOW_CHECKS = {
     "05_mission_state_machine": ("stops_in_the_water",),
     "07_two_nodes": ("lost_and_overtaken", "late", "narrow", "gone", "watches"),
     "08_sim_to_pi": ("holds_on_the_board",),  # it needs the emulators, too
+    "13_two_processes": (
+        "finds",
+        "follows_states",
+        "all_together",
+        "events_once",
+        "clears_by_stereo",
+        "clears_by_lidar",
+        "slow_and_explained",
+    ),
 }
 
 
