@@ -49,7 +49,12 @@ def test_structured_text_is_parsed_in_the_process_of_the_student(lab: Path) -> N
         for path in lab.glob("grader/*.py")
         if any(re.search(rf"^(import|from) {name}\b", path.read_text(), re.MULTILINE) for name in PARSERS)
     ]
-    names = {name for module, name in imported if module.removeprefix("grader.") in with_parser}
+    names = {
+        name
+        for module, name in imported
+        if module.removeprefix("grader.") in with_parser
+        and f"def {name}(" in (lab / "grader" / f"{module.removeprefix('grader.')}.py").read_text()  # or a constant
+    }
     uses = [node for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in names]
     calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)]
     handed_over = [argument for call in calls if call.func.attr == "parse" for argument in call.args]
