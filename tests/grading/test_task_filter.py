@@ -41,7 +41,11 @@ def test_notes_and_missed_keys_are_limited_per_run() -> None:
 def test_long_component_name_or_too_many_handlers_is_rejected() -> None:
     task_filter = TaskFilter("mine.py")
     task_filter.component(ComponentInfo("pilot", [("event", None, "f")] * MAX_KEYS, []))
-    for made in (ComponentInfo("x" * 201, [], []), ComponentInfo("pilot", [("event", None, "f")] * (MAX_KEYS + 1), [])):
+    for made in (
+        ComponentInfo("x" * 201, [], []),
+        ComponentInfo("pilot", [("event", None, "f")] * (MAX_KEYS + 1), []),
+        ComponentInfo("pilot", [], [], optional_events=["e"] * (MAX_KEYS + 1)),
+    ):
         with pytest.raises(TaskRejectedError, match="handlers"):
             task_filter.component(made)
 

@@ -207,6 +207,7 @@ class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     first_s: float = 0.0
     next_s: float | None = None
     wakes_on: list[str] = []
+    optional_events: list[str] = []
 
 
 class StepEffects(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -166,7 +166,7 @@ class Remote:
         for note in self.task_filter.notes(effects.notes):
             node.add_note(note)
         for component, level, text in effects.output:
-            if component in self.names and level in LEVELS:
+            if (component in self.names or component.partition(" ")[0] in self.names) and level in LEVELS:
                 node.record_text(component, level, text)
         for key in self.task_filter.missed(effects.missed):
             node.datastore.missed[key] = None
@@ -261,6 +261,7 @@ class RemoteEndpoint(Endpoint):
         super().__init__(factory, parent, made.name)
         self._steps = {"join" if step == "halt" else step for step in made.steps}
         self.task_handlers = self.handlers_of(made.handlers)
+        self.optional_events = made.optional_events
 
     def handlers_of(self, rows: Sequence[protocol.HandlerRow]) -> TaskHandlerMap:
         """Return handlers that have the student's called."""

@@ -55,10 +55,11 @@ class TaskFilter:
         Raises:
             TaskRejectedError: its name is too long, or it has too many handlers.
         """
-        if len(made.name) > _NAME_LENGTH or len(made.handlers) > MAX_KEYS:
+        events = max(len(made.handlers), len(made.optional_events))
+        if len(made.name) > _NAME_LENGTH or events > MAX_KEYS:
             raise TaskRejectedError(
                 f"The component '{made.name[:_NAME_LENGTH]}' has a name of {len(made.name)} characters and "
-                f"{len(made.handlers)} handlers.",
+                f"{events} handlers.",
                 fix=f"at most {_NAME_LENGTH} and {MAX_KEYS}.",
             )
 
