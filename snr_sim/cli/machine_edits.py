@@ -40,7 +40,7 @@ def edits(run: Path, out: Path | None, *, trust: bool, as_json: bool) -> None:
         print(f"{count} {'edit' if count == 1 else 'edits'} of {found.name}{times}")
         print(f"written to {folder}: 0.lrp to {count}.lrp, {TABLE}")
         if found.others:
-            print(f"left out, as they are no edits of the program's text: {', '.join(dict.fromkeys(found.others))}")
+            print(f"not written, because only edits of the text are: {', '.join(dict.fromkeys(found.others))}")
         print("run again with them: " + ("identical" if is_same else "its states change differently"))
     sys.stdout.flush()
     if not is_same:

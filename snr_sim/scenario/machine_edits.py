@@ -2,8 +2,8 @@
 
     trace --> edits_of --> Edits --> write --> FOLDER/0.lrp, 1.lrp, ... and edits.toml --> run again --> same changes?
 
-A trace of five minutes has 20 MB, and nobody but its owner knows whether it was written by a run. The edits have some
-kB, and whoever has them can run it again: with the same scenario, seed and edits it is the same run, to the last bit.
+A trace of five minutes has 20 MB, and its reader does not know whether a run has written it. The edits have some kB,
+and with the same scenario, seed and edits the run can be repeated, to the last bit.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import Executed, InputRecord, LogLineRecord, Record
-from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.simulation import Request, prepare
-from snr_sim.scenario.simulation_run import SimulationRun
+from snr_sim.scenario.simulation_run import run_recorded
 
 TABLE = "edits.toml"
 _EDIT, _TRANSITION = ".edit", ".transition"
@@ -113,15 +113,8 @@ def changes_again(edits: Edits, controller: Path) -> str:
         controller: file of the first program.
     """
     simulation = prepare(Request(edits.scenario, edits.seed, controller=str(controller), options=edits.options))
-    plant = simulation.plant()
-    config = simulation.config(plant)
+    event = f"{edits.name}{_EDIT}"
+    inputs = [(at_s, tasks.event(event, [text])) for at_s, text in zip(edits.at_s, edits.texts[1:], strict=True)]
     with TemporaryDirectory(prefix="snr-edits-") as folder:
-        recorder = TraceWriter(Path(folder) / FILE_NAME, simulation.header(plant, config), simulation.trace_info())
-        try:
-            run = SimulationRun(simulation, plant, config, recorder)
-            for at_s, text in zip(edits.at_s, edits.texts[1:], strict=True):
-                run.bring(at_s, tasks.event(f"{edits.name}{_EDIT}", [text]), "edits")
-            run.run()
-        finally:
-            recorder.close()
+        run_recorded(simulation, Path(folder) / FILE_NAME, inputs)
         return digest_of_changes(read_trace(Path(folder) / FILE_NAME).records)

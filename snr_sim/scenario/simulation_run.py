@@ -145,12 +145,13 @@ class SimulationRun:
         return Verdict("ended" if any(node.is_terminated for node in self.nodes) else "timeout", False)
 
 
-def run_recorded(simulation: Simulation, path: Path) -> RunResult:
+def run_recorded(simulation: Simulation, path: Path, inputs: Sequence[tuple[float, Task]] = ()) -> RunResult:
     """Run a simulation from its start to its end, and record it.
 
     Args:
         simulation: what runs, on a new plant.
         path: of the trace, which is written.
+        inputs: tasks that come from outside, such as an edit, and when; see `SimulationRun.bring`.
 
     Raises:
         ConfigError: the components cannot be created.
@@ -159,7 +160,10 @@ def run_recorded(simulation: Simulation, path: Path) -> RunResult:
     config = simulation.config(plant)
     recorder = TraceWriter(path, simulation.header(plant, config), simulation.trace_info())
     try:
-        return SimulationRun(simulation, plant, config, recorder).run()
+        run = SimulationRun(simulation, plant, config, recorder)
+        for at_s, task in inputs:
+            run.bring(at_s, task, "outside")
+        return run.run()
     finally:
         recorder.close()
 

@@ -15,7 +15,7 @@ from snr_sim.recording.records import InputRecord
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.machine_edits import TABLE, Edits, changes_again, digest_of_changes, edits_of, write
 from snr_sim.scenario.simulation import Request, prepare
-from snr_sim.scenario.simulation_run import SimulationRun
+from snr_sim.scenario.simulation_run import run_recorded
 
 SLOW, FAST = "(var speed := [30])", "(var speed := [70])"
 PROGRAM = f"""{SLOW}
@@ -38,14 +38,7 @@ def recorded(folder: Path, *brought: tuple[float, str, list[str]], controller: s
     file = folder / "mine.lrp"
     file.write_text(PROGRAM)
     simulation = prepare(Request("dora_wall", seed=2, controller=controller or str(file), options={"wire": "brick"}))
-    plant = simulation.plant()
-    config = simulation.config(plant)
-    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.trace_info())
-    run = SimulationRun(simulation, plant, config, recorder)
-    for at_s, name, values in brought:
-        run.bring(at_s, tasks.event(name, values), "editor")
-    run.run()
-    recorder.close()
+    run_recorded(simulation, folder / FILE_NAME, [(at_s, tasks.event(name, values)) for at_s, name, values in brought])
     return read_trace(folder / FILE_NAME)
 
 
@@ -68,7 +61,7 @@ def test_edits_of_a_run_have_texts_times_and_request(edited: Trace) -> None:
 def test_task_that_is_brought_comes_after_the_ticks_of_its_moment(edited: Trace) -> None:
     sources = [one.source for one in edited.records if isinstance(one, InputRecord) and one.t == 1.5]
     assert len(sources) > 1
-    assert sources[-1] == "editor"
+    assert sources[-1] == "outside"
 
 
 def test_files_give_the_same_run_again(edited: Trace, tmp_path: Path) -> None:
@@ -87,7 +80,7 @@ def test_other_times_or_fewer_edits_give_another_digest(edited: Trace, tmp_path:
         assert changes_again(other, tmp_path / "0.lrp") != found.changes
 
 
-def test_what_is_no_edit_is_named(tmp_path: Path) -> None:
+def test_other_events_for_the_machine_are_listed(tmp_path: Path) -> None:
     found = edits_of(recorded(tmp_path, (1.0, "dora.set", ["speed", 50])))  # type: ignore[list-item]
     assert (found.at_s, found.others) == ([], ["dora.set"])
 
