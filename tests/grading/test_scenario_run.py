@@ -162,6 +162,13 @@ def test_machine_in_a_text_is_edited_in_a_graded_run(tmp_path: Path) -> None:
         Student(tmp_path).run_scenario("dora_wall", 3, "mine.lrp")
 
 
+def test_refused_import_beside_a_machine_in_a_text_is_named(tmp_path: Path) -> None:
+    (tmp_path / "mine.lrp").write_text('(actions "moves.py") (machine dora (state a)) (spawn dora a)')
+    (tmp_path / "moves.py").write_text("import math\nimport socket\n")
+    with pytest.raises(SubmissionError, match=r"moves.py, line 2: imports socket"):
+        Student(tmp_path).run_scenario("dora_wall", 3, "mine.lrp")
+
+
 def test_failed_run_is_returned_with_may_fail(tmp_path: Path) -> None:
     raises = (
         (ROBOTS / "lander" / "controllers" / "coast.py")

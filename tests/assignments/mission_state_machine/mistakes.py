@@ -23,7 +23,7 @@ MISTAKES = {
         ],
     ),
     "stops_in_some_states": Mistake(
-        "Ignores the emergency stop in the states 'waiting' and 'done'.",
+        "Ignores the emergency stop in the states 'waiting', 'surfacing' and 'done'.",
         lost={"stops": 7.5},
         hint="the emergency stop counts in every state",
         changes=[
@@ -154,7 +154,6 @@ FORMS: dict[str, dict[str, Sequence[Change]]] = {
         "stops_in_some_states": [
             replace(TABLE, f"    anywhere=[{ALARM}],\n", ""),
             *(replace(TABLE, f'"{name}",\n', f'"{name}",\n            {ALARM},\n') for name in LIMITS_S),
-            replace(TABLE, 'state("surfacing", ', f'state("surfacing", {ALARM}, '),
         ],
         "stops_with_sticks_at_zero": STICKS,
         "timeout_from_run_start": [
@@ -176,7 +175,7 @@ FORMS: dict[str, dict[str, Sequence[Change]]] = {
             replace(
                 TEXT,
                 "(on stop * -> stopped)",
-                "\n  ".join(f"(on stop {name} -> stopped)" for name in (*LIMITS_S, "surfacing")),
+                "\n  ".join(f"(on stop {name} -> stopped)" for name in LIMITS_S),
             )
         ],
         "stops_with_sticks_at_zero": STICKS,
