@@ -45,7 +45,9 @@ def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[
     printed = type_page(FOLDER / "README.md", {})
     assert any("State 'at_wall' cannot be left" in output for output in printed.values())
     assert any("5 of 100" in output for output in printed.values())
-    assert any("robot.ultra.read() = " in output for command, output in printed.items() if "--at 2.6" in command)
+    why = next(output for command, output in printed.items() if "--at 2.56" in command)
+    assert "no     robot.ultra.read() = 10.5" in why
+    assert "taken  robot.ultra.read() = 5" in why
     assert any("age at a transition" in output for output in printed.values())
 
 
