@@ -37,6 +37,7 @@ TRAP = Path(__file__).parent / "starter" / "trap.lrp"
 TRAP_ROOM, TRAP_SEED = "dora_corners", 0
 MIN_EDITS, MAX_EDITS = 3, 50
 MAX_TEXT_BYTES = 16 * 2**10  # of a program
+RUN_S = 300.0
 PERIOD_S = 0.05  # of readings
 FREE_CM, NEAR_CM = 150.0, 12.0
 FRESH_S = 0.5  # an older reading is none, and an older command stops the motors
@@ -305,7 +306,7 @@ def edited_run(student: Student) -> EditedRun:
         hint = "Hand in the edits of a run in dora_corners with seed 0, without options."
         raise SubmissionError(f"{TABLE} is of another run.", hint, f"{TRAP_ROOM}, seed {TRAP_SEED}", str(room)[:80])
     at_s, changes = table.get("at_s"), table.get("changes")
-    if not isinstance(at_s, list) or not all(type(one) in (int, float) and 0.0 < one < math.inf for one in at_s):
+    if not isinstance(at_s, list) or not all(type(one) in (int, float) and 0.0 < one < RUN_S for one in at_s):
         raise SubmissionError(
             f"`at_s` in {TABLE} is not a list of times.", "Keep what `snr machine edits` has written."
         )
@@ -345,13 +346,15 @@ def replays(student: Student) -> Verdict:
         for at_s, text in zip(edited.at_s, edited.texts[1:], strict=True)
     ]
     run = student.run_scenario(TRAP_ROOM, seed=TRAP_SEED, controller=f"{EDITS}/0.lrp", inputs=inputs)
-    accepted = sum(
-        require_field(require_page(page, "dora.edited"), "dora.edited", "ok", bool)
-        for _, page in run.pages("dora.edited")
-    )
-    if accepted < MIN_EDITS:
+    answers = [require_page(page, "dora.edited") for _, page in run.pages("dora.edited")]
+    taken = {
+        require_field(one, "dora.edited", "sha256", str)
+        for one in answers
+        if require_field(one, "dora.edited", "ok", bool)
+    }
+    if len(taken) < MIN_EDITS:
         hint = "A text with mistakes changes nothing, and after the end of a run nothing can be changed."
-        return failed(hint, f"at least {MIN_EDITS} edits that the machine took", f"{accepted}")
+        return failed(hint, f"at least {MIN_EDITS} programs that the machine took", f"{len(taken)}")
     if digest_of_changes(run.trace.records) != edited.changes:
         return failed(
             "Run again with these edits, the states change differently: hand in the files that `snr machine edits` has "

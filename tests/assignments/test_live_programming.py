@@ -142,6 +142,7 @@ def test_wrong_solution_loses_listed_points_in_flight(mark: Callable[..., Any], 
     [
         ("at_s = [1", "edits.toml cannot be read"),
         ("at_s = 5", "Keep what `snr machine edits` has written"),
+        (f"at_s = [{10**400}]", "Keep what `snr machine edits` has written"),
         ("at_s = [nan]", "Keep what `snr machine edits` has written"),
         ("at_s = [2.0, 1.0]", "Keep what `snr machine edits` has written"),
         (f"at_s = {[float(one) for one in range(1, 99)]}", "At most 50 edits in one run"),

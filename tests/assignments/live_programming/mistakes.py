@@ -147,6 +147,12 @@ MISTAKES = {
         hint="dora_corners with seed 0",
         changes=[replace("edits/edits.toml", "seed = 0", "seed = 3")],
     ),
+    "broken_edits": Mistake(
+        "Saves two programs and two texts with mistakes.",
+        lost={"replays": 15.0},
+        hint="A text with mistakes changes nothing",
+        changes=[replace("edits/3.lrp", "(spawn dora waiting)", "(spawn dora waiting")],
+    ),
     "forged_digest": Mistake(
         "Claims a digest that it has not seen.",
         lost={"replays": 15.0},
