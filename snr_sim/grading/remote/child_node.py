@@ -168,6 +168,7 @@ class ChildNode(Node):
                 first_s=float(component.first_tick_after_s),
                 wakes_on=[str(key) for key in component.wakes_on],
                 next_s=component.next_tick_at_s,
+                repeats=repeated_event(component),
             )
         return made
 
@@ -273,6 +274,12 @@ class ChildNode(Node):
         self.datastore.missed.clear()
         output, self._output, self._output_chars = self._output, [], 0
         return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed, "output": output}
+
+
+def repeated_event(loop: Any) -> str:
+    """Return the event that a loop sends at each tick, if it is the clock of a state machine; else an empty text."""
+    behaviors = sys.modules.get("snr_sim.behaviors.endpoint")  # not imported for programs without a machine
+    return str(loop.event) if behaviors is not None and type(loop) is behaviors.StepLoop else ""
 
 
 def describe_failure(error: BaseException, begins: Any) -> tuple[str, str]:

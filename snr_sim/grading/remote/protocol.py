@@ -198,7 +198,10 @@ class FactoriesInfo(msgspec.Struct, frozen=True):
 
 
 class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A component: its name, its handlers, and which steps of its life its author has written."""
+    """A component: its name, its handlers, and which steps of its life its author has written.
+
+    `repeats` is the event that the clock of a state machine sends at each tick: those ticks need no request.
+    """
 
     name: str
     handlers: list[HandlerRow]
@@ -208,6 +211,7 @@ class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     next_s: float | None = None
     wakes_on: list[str] = []
     optional_events: list[str] = []
+    repeats: str = ""
 
 
 class StepEffects(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

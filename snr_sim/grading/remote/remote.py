@@ -30,6 +30,7 @@ from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.sent_code import LAB_MODULE
 from snr_sim.grading.remote.task_filter import TaskFilter
+from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
@@ -139,8 +140,8 @@ class Remote:
         processed = _processed_by(task, node)
         raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
         answer = self.ask(protocol.Handle(*self._address(component, node.machine.now_s), raw, processed), _returned)
-        for name, tasks in answer.returned.items():
-            self._answers[name] = self.task_filter.tasks(tasks, node, name)
+        for name, raws in answer.returned.items():
+            self._answers[name] = self.task_filter.tasks(raws, node, name)
         if answer.failed:
             if answer.is_slow:
                 self.submission_error = SubmissionError(answer.text, protocol.SLOW_HINT)
@@ -322,16 +323,21 @@ class RemoteLoop(Loop):
         assert isinstance(parent, Node)  # in the grader
         super().__init__(factory, parent, made.name, made.rate_hz)
         self.first_tick_after_s: float = made.first_s
-        self.next_tick_at_s = made.next_s
+        self.next_tick_at_s = None if made.repeats else made.next_s
         self.wakes_on = tuple(made.wakes_on[:MAX_WAKES])
+        self._repeated = tasks.event(made.repeats) if made.repeats else None
 
     def setup(self) -> None:
         """Have the student's `setup` called."""
         self._do("setup")
 
     def loop(self) -> None:
-        """Have the student's `loop` called."""
-        self._do("loop")
+        """Have the student's `loop` called; the clock of a state machine needs no request for that."""
+        if self._repeated is None:
+            self._do("loop")
+        else:
+            self.factory.remote.task_filter.count(self.parent.get_time_s())
+            self.schedule(self._repeated)
 
     def halt(self) -> None:
         """Have the student's `halt` called."""
