@@ -85,7 +85,7 @@ def run(room: str, seed: int, controller: Path, **options: str) -> Any:
     return SimulationRun(simulation, plant, simulation.config(plant)).run()
 
 
-def test_trap_is_a_program_that_can_always_move_on() -> None:
+def test_programs_of_starter_have_no_warnings() -> None:
     for path in (FOLDER / "starter").glob("*.lrp"):
         assert parse(path.read_text()).warnings == (), path.name
 

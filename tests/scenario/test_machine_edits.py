@@ -37,15 +37,15 @@ def recorded(folder: Path, *brought: tuple[float, str, list[str]], controller: s
     """Return the trace of a drive at the wall during which some events come."""
     file = folder / "mine.lrp"
     file.write_text(PROGRAM)
-    simulation = prepare(Request("dora_wall", seed=2, controller=controller or str(file), options={"wire": "brick"}))
+    simulation = prepare(Request("dora_wall", seed=2, controller=controller or str(file), options={"wire": "wifi"}))
     run_recorded(simulation, folder / FILE_NAME, [(at_s, tasks.event(name, values)) for at_s, name, values in brought])
     return read_trace(folder / FILE_NAME)
 
 
-@pytest.fixture
-def edited(tmp_path: Path) -> Trace:
+@pytest.fixture(scope="module")
+def edited(tmp_path_factory: pytest.TempPathFactory) -> Trace:
     return recorded(
-        tmp_path,
+        tmp_path_factory.mktemp("edited"),
         (1.0, "dora.edit", [PROGRAM.replace("(spawn", "(spwan")]),
         (1.5, "dora.edit", [PROGRAM.replace(SLOW, FAST)]),
     )
@@ -53,7 +53,7 @@ def edited(tmp_path: Path) -> Trace:
 
 def test_edits_of_a_run_have_texts_times_and_request(edited: Trace) -> None:
     found = edits_of(edited)
-    assert (found.scenario, found.seed, found.options, found.name) == ("dora_wall", 2, {"wire": "brick"}, "dora")
+    assert (found.scenario, found.seed, found.options, found.name) == ("dora_wall", 2, {"wire": "wifi"}, "dora")
     assert found.texts == [PROGRAM, PROGRAM.replace("(spawn", "(spwan"), PROGRAM.replace(SLOW, FAST)]
     assert (found.at_s, found.others) == ([1.0, 1.5], [])
 
