@@ -141,6 +141,7 @@ MISTAKES = {
 
 
 HERE = Path(__file__).parent
+ANOTHER_WAY = HERE.parents[2] / "assignments" / "05_mission_state_machine" / "starter" / "another_way"
 TABLE, TEXT = "machine.py", "mission.lrp"
 STICKS = MISTAKES["stops_with_sticks_at_zero"].changes  # of mission.py, which is the same in all forms
 ALARM = 'on(known("stop"), to="stopped")'
@@ -191,9 +192,10 @@ FORMS: dict[str, dict[str, Sequence[Change]]] = {
 
 
 def use_form(form: str) -> Change:
-    """Return a change that puts the machine of the reference in another form into a folder."""
+    """Return a change that puts the machine of the reference, and what is given with its form, into a folder."""
 
     def change(folder: Path) -> None:
-        shutil.copytree(HERE / form, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+        for source in (ANOTHER_WAY / form, HERE / form):
+            shutil.copytree(source, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
 
     return change
