@@ -74,7 +74,8 @@ def test_reference_gets_all_points_on_all_hidden_cases(mark: Callable[..., Any])
 def test_reference_has_margin_in_every_room(room: str, seeds: range) -> None:
     for seed in seeds:
         result = run(room, seed, HERE / "reference" / "dora.lrp", wire=("none", "wifi")[seed % 2])
-        assert (result.outcome, result.error, result.notes) == ("explored", "", []), seed
+        failures = [note for note in result.notes if " failed " in note]
+        assert (result.outcome, result.error, failures) == ("explored", "", []), seed
         assert result.metrics["seen_share"] > 0.75, seed
 
 
