@@ -74,9 +74,14 @@ class StepLoop(Loop):
 
     factory: StepLoopFactory
 
+    @property
+    def event(self) -> str:
+        """The event of each tick."""
+        return f"{self.factory.name}.step"
+
     def setup(self) -> None:
         """Make the task once."""
-        self._task = tasks.event(f"{self.factory.name}.step")
+        self._task = tasks.event(self.event)
 
     def loop(self) -> None:
         """Schedule a step."""

@@ -6,13 +6,15 @@ its parts can be evaluated once more; but for random numbers, which would change
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import msgspec
 
-from snr_sim.behaviors.program import Bindings, Block, Transition
+from snr_sim.behaviors.program import Bindings, Block, Program, Transition
 
 MAX_EVALUATIONS = 200_000
 MAX_VALUE = 60  # characters
@@ -88,6 +90,29 @@ class Evaluations(Protocol):
 
     def keep(self, one: Evaluation) -> None:
         """Keep an evaluation."""
+
+
+_of_program: ContextVar[Callable[[Program], Evaluations] | None] = ContextVar("_of_program", default=None)
+
+
+@contextmanager
+def explaining(of_program: Callable[[Program], Evaluations]) -> Iterator[None]:
+    """Have every interpreter that is made meanwhile keep its evaluations, also one that is inside a component.
+
+    Args:
+        of_program: returns what takes them.
+    """
+    token = _of_program.set(of_program)
+    try:
+        yield
+    finally:
+        _of_program.reset(token)
+
+
+def evaluations_for(program: Program) -> Evaluations | None:
+    """Return what takes the evaluations of a program's interpreter; None if none is asked for."""
+    of_program = _of_program.get()
+    return None if of_program is None else of_program(program)
 
 
 def watched(

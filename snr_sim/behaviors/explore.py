@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from snr_sim.behaviors.program import MachineDef, Place, Program, Spawn, StateDef, Transition, with_names
+from snr_sim.behaviors.program import Block, MachineDef, Place, Program, Spawn, StateDef, Transition, with_names
 
 MAX_CONFIGURATIONS = 100_000
 # Names of states that are meant to be the last.
@@ -171,7 +171,7 @@ def _hides(above: Transition, one: Transition) -> bool:
     """Return whether a transition is given whenever another one, which is tried later, is."""
     if above.signal is not None and above.signal != one.signal:
         return False
-    if above.condition is not None and (one.condition is None or above.condition.text != one.condition.text):
+    if above.condition is not None and (one.condition is None or not _are_same(above.condition, one.condition)):
         return False
     if above.after_ns is None:
         return True
@@ -179,6 +179,10 @@ def _hides(above: Transition, one: Transition) -> bool:
     if all(both):
         return above.after_ns <= one.after_ns  # type: ignore[operator]
     return False
+
+
+def _are_same(one: Block, other: Block) -> bool:
+    return (one.text, one.function) == (other.text, other.function)
 
 
 def _eps_cycles(machine: MachineDef, path: str) -> Iterator[Finding]:

@@ -28,7 +28,7 @@ from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
 from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
-from snr_sim.behaviors.explain import Evaluations
+from snr_sim.behaviors.explain import Evaluations, evaluations_for
 from snr_sim.behaviors.program import (
     Block,
     Program,
@@ -205,8 +205,8 @@ class Interpreter:
         self._failed: list[BoundMachine] = []
         self._is_answered = False
         self._fails = program.on_error == "fail"
-        self._evaluations = evaluations
-        self._bound = BoundProgram(program, self.robot, evaluations)
+        self._evaluations = evaluations_for(program) if evaluations is None else evaluations
+        self._bound = BoundProgram(program, self.robot, self._evaluations)
         self._running: list[BoundMachine] = []
         self.context.now_ns = now_ns
 

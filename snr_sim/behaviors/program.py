@@ -82,6 +82,7 @@ class Block:
             tasks or None.
         drives: parts of the robot that it commands; of a block of text.
         parts: returns the parts of a condition in text, for an explanation: readings, variables, what is compared.
+        function: of Python, if it is one: two of one name may be different.
     """
 
     text: str
@@ -89,6 +90,7 @@ class Block:
     bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
     drives: frozenset[str] = frozenset()
     parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)
+    function: Callable[[Any], Any] | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)

@@ -218,7 +218,7 @@ def _block(function: object, what: str) -> Block:
         raise ParameterError(
             f"{what}={function!r} is not a function.", fix="its name without brackets, such as is_near."
         )
-    return Block(_text_of(function), Place(_line_of(function)), lambda bindings: function)
+    return Block(_text_of(function), Place(_line_of(function)), lambda bindings: function, function=function)
 
 
 def _optional(function: object, what: str) -> Block | None:

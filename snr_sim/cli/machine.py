@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Bridge
     from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw", "check", "coverage", "explore", "lag", "view", "why")
+_WHAT = ("draw", "check", "coverage", "edits", "explore", "lag", "view", "why")
 SAME_MOMENT_S = 0.02  # of --at: two steps at 100 Hz
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw, check, coverage, explore, lag, view or why.")],
+    what: Annotated[str, typer.Argument(help="draw, check, coverage, edits, explore, lag, view or why.")],
     file: Annotated[
         str,
         typer.Argument(
-            help="An LRP program, or a Python file in which machine(...) is called. Of lag, view and why a run, of "
-            "coverage a scenario."
+            help="An LRP program, or a Python file in which machine(...) is called. Of edits, lag, view and why a run, "
+            "of coverage a scenario."
         ),
     ],
     name: Annotated[str, typer.Option(help="Which machine, if a Python file or a run has several.")] = "",
@@ -43,6 +43,7 @@ def machine(
     controller: Annotated[str, typer.Option(help="Of coverage: as of snr run.")] = "",
     min_percent: Annotated[float, typer.Option("--min", help="Of coverage: exit status 1 below it.")] = 0.0,
     port: Annotated[int, typer.Option(help="Of view: not any free port, but this one.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Of edits: folder that its files go into.")] = None,
     trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
@@ -52,13 +53,14 @@ def machine(
     Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
     doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or that
     cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints which
-    states and transitions were not reached. lag prints how old readings were when machines decided, and how
-    long commands took. why executes the run again and prints each transition that was looked at, with the values of its
-    condition: at one moment step by step, over an interval as a summary. view serves a page that shows the machine at
-    any moment of the run, as `snr run --live` does while it runs.
+    states and transitions were not reached. edits writes the programs of a run that was edited as files, and runs it
+    again with them. lag prints how old readings were when machines decided, and how long commands took. why executes
+    the run again and prints each transition that was looked at, with the values of its condition: at one moment step by
+    step, over an interval as a summary. view serves a page that shows the machine at any moment of the run, as
+    `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
-    --min.
+    --min, of edits 1 if the second run differs.
     """
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
@@ -71,6 +73,11 @@ def machine(
         from snr_sim.cli.machine_coverage import coverage
 
         coverage(file, seeds, controller, min_percent, as_json=as_json)
+        return
+    if what == "edits":
+        from snr_sim.cli.machine_edits import edits
+
+        edits(Path(file), out, trust=trust, as_json=as_json)
         return
     if what == "explore":
         _explore(_program_in(file, name, robot), file, as_json)

@@ -58,18 +58,24 @@ def _run(scenario: str, seed: int, controller: str, found: dict[str, tuple[Progr
     """Run one seed, and add what its machines did; return the outcome."""
     from snr_sim.behaviors.coverage import Coverage
     from snr_sim.behaviors.endpoint import MachineFactory
+    from snr_sim.behaviors.explain import explaining
     from snr_sim.scenario.simulation import Request, prepare
     from snr_sim.scenario.simulation_run import SimulationRun
 
     simulation = prepare(Request(scenario, seed, controller=controller or None))
     plant = simulation.plant()
     config = simulation.config(plant)
-    machines = [one for role in config.factories.values() for one in role if isinstance(one, MachineFactory)]
-    if not machines:
+
+    def counted(program: Program, name: str = "") -> Coverage:
+        return found.setdefault(name or program.spawns[0].machine.name, (program, Coverage()))[1]
+
+    for one in (one for role in config.factories.values() for one in role if isinstance(one, MachineFactory)):
+        one.evaluations = counted(one.program, one.name)
+    with explaining(counted):
+        outcome = SimulationRun(simulation, plant, config).run().outcome
+    if not found:
         raise UnknownNameError("The controller has no state machine.", fix="--controller FILE of one that has.")
-    for one in machines:
-        one.evaluations = found.setdefault(one.name, (one.program, Coverage()))[1]
-    return SimulationRun(simulation, plant, config).run().outcome
+    return outcome
 
 
 def _print(name: str, report: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.behaviors.explain import Evaluation, EvaluationLog
+    from snr_sim.behaviors.program import Program
     from snr_sim.recording.reader import Trace
     from snr_sim.scenario.replay_files import ReplayFiles
 
@@ -57,20 +58,23 @@ def why(
 
 def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> list[str]:
     """Execute the run again and log the evaluations; return the paths of its machines."""
-    from snr_sim.behaviors.endpoint import MachineFactory
+    from snr_sim.behaviors.explain import explaining
     from snr_sim.core.reload.source_files import reading_from
     from snr_sim.recording.replay import replay_node
 
-    with reading_from(plan.files):
+    programs: list[Program] = []
+
+    def explained(program: Program) -> EvaluationLog:
+        programs.append(program)
+        return evaluations
+
+    with reading_from(plan.files), explaining(explained):
         config, _ = config_of_replay(trace, plan, "")
-        factories = [one for role in config.factories.values() for one in role if isinstance(one, MachineFactory)]
-        if not factories:
-            raise UnknownNameError("This run has no state machine.", fix="name a run whose controller has one.")
-        for one in factories:
-            one.evaluations = evaluations
         for node in trace.header.nodes:
             replay_node(trace, node.removesuffix("_node"), config, (), plan.files.begin_task)
-    return [path for one in factories for path, _ in one.program.walk()]
+    if not programs:
+        raise UnknownNameError("This run has no state machine.", fix="name a run whose controller has one.")
+    return [path for one in programs for path, _ in one.walk()]
 
 
 def _print(evaluations: EvaluationLog, *, is_moment: bool) -> None:

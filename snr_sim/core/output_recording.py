@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from snr_sim.core.node import Node
 
 
-LEVELS: tuple[str, ...] = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
+LEVELS: tuple[str, ...] = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL", "PROGRAM")  # the text of a machine
 
 
 @contextmanager

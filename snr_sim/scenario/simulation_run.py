@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,13 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, SnrError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.task import Task
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.controller import call_student
 from snr_sim.scenario.simulation import Simulation
 
 _TRUTH_PERIOD_S = 0.0499  # 20 Hz, with a margin for rounding
+AFTER_LOOPS = 1_000_000  # under a SimClock, later than the ticks of all loops that are due at the same time
 
 
 @dataclass
@@ -71,7 +74,7 @@ class SimulationRun:
     ) -> None:
         self._simulation = simulation
         self._plant = plant
-        clock = SimClock()
+        clock = self._clock = SimClock()
         self._runner = SimRunner(
             config,
             simulation.roles,
@@ -95,6 +98,17 @@ class SimulationRun:
     def nodes(self) -> list[Node]:
         """The nodes that run."""
         return list(self._runner.nodes.values())
+
+    def bring(self, at_s: float, task: Task, source: str) -> None:
+        """Bring a task to every node at a moment, after all else that is due then: what an operator did, or an editor.
+
+        Args:
+            at_s: when.
+            task: such as an event.
+            source: who brings it, for the trace.
+        """
+        for node in self.nodes:
+            self._clock.call_at(at_s, partial(node.enqueue_input, task, source), AFTER_LOOPS)
 
     def run(self, signals: Sequence[str] = ()) -> RunResult:
         """Run until the scenario's verdict, its time limit, an error or a signal.
@@ -134,12 +148,13 @@ class SimulationRun:
         return Verdict("timeout", False, f"the scenario had not come to an end by its TIME_LIMIT_S of {limit_s:g} s")
 
 
-def run_recorded(simulation: Simulation, path: Path) -> RunResult:
+def run_recorded(simulation: Simulation, path: Path, inputs: Sequence[tuple[float, Task]] = ()) -> RunResult:
     """Run a simulation from its start to its end, and record it.
 
     Args:
         simulation: what runs, on a new plant.
         path: of the trace, which is written.
+        inputs: tasks that come from outside, such as an edit, and when; see `SimulationRun.bring`.
 
     Raises:
         ConfigError: the components cannot be created.
@@ -148,7 +163,10 @@ def run_recorded(simulation: Simulation, path: Path) -> RunResult:
     config = simulation.config(plant)
     recorder = TraceWriter(path, simulation.header(plant, config), simulation.trace_info())
     try:
-        return SimulationRun(simulation, plant, config, recorder).run()
+        run = SimulationRun(simulation, plant, config, recorder)
+        for at_s, task in inputs:
+            run.bring(at_s, task, "outside")
+        return run.run()
     finally:
         recorder.close()
 

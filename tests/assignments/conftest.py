@@ -41,6 +41,7 @@ import os, signal, socket, struct, sys
 sys.path[:] = {path!r}
 import numpy.ma, numpy.typing, tomllib
 from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Node, TaskType
+from snr_sim.behaviors import endpoint, explore, language
 from snr_sim.core import lockstep, runners
 from snr_sim.devices import simulated
 from snr_sim.devices.sensors import camera
@@ -52,6 +53,7 @@ from snr_sim.grading.remote import child
 from snr_sim.grading.remote import child_node
 from snr_sim.plants.urov import t200
 from snr_sim.plants.urov import vehicle_file
+from snr_sim.scenario import machine_controller
 from snr_sim.std_mods import allocation, slew, thrust_curve
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
 asked = socket.socket(fileno={line})

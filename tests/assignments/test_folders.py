@@ -18,7 +18,8 @@ LABS = sorted((HERE.parents[1] / "assignments").glob("[0-9]*"))
 
 
 def test_labs_are_numbered_and_listed() -> None:
-    assert [int(lab.name[:2]) for lab in LABS] == [*range(1, 12), 13]
+    assert len(LABS) >= 12
+    assert [int(lab.name[:2]) for lab in LABS] == list(range(1, len(LABS) + 1))
     listed = (LABS[0].parent / "README.md").read_text()
     assert [lab.name for lab in LABS if f"({lab.name}/README.md)" not in listed] == []
 

@@ -4,6 +4,7 @@ import math
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from snr_sim.grading.lab.lab import Case, find_lab
 from snr_sim.grading.lab.student import Student
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
-from tests.assignments.mission_state_machine.mistakes import MISTAKES
+from tests.assignments.mission_state_machine.mistakes import ANOTHER_WAY, FORMS, MISTAKES, use_form
 from tests.assignments.mistakes import Mistake
 
 LAB = "05_mission_state_machine"
@@ -42,17 +43,31 @@ def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], lea
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
-def test_reference_as_a_table_gets_all_points_on_hidden_cases(
-    mark: Callable[..., Any], leave_out: Any, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("form", FORMS)
+def test_reference_in_another_form_gets_all_points_on_hidden_cases(
+    mark: Callable[..., Any], leave_out: Any, monkeypatch: pytest.MonkeyPatch, form: str
 ) -> None:
     leave_out(*FLIGHTS)
-    as_table = Mistake("No mistake: another way to write the machine.", changes=[use_table], lost={}, hint="")
-    monkeypatch.setitem(MISTAKES, "table", as_table)
-    assert mark(LAB, "table", is_hidden=True) == ({}, "")
+    other = Mistake("No mistake: another way to write the machine.", changes=[use_form(form)], lost={}, hint="")
+    monkeypatch.setitem(MISTAKES, form, other)
+    assert mark(LAB, form, is_hidden=True) == ({}, "")
 
 
-def use_table(folder: Path) -> None:
-    shutil.copy(HERE / "table" / "machine.py", folder)
+def test_starters_of_other_forms_are_as_good_as_the_first_one(
+    mark: Callable[..., Any], leave_out: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    leave_out(*FLIGHTS)
+    assert {path.name for path in ANOTHER_WAY.iterdir()} == set(FORMS)
+    for form in FORMS:
+
+        def begin(folder: Path, form: str = form) -> None:
+            shutil.copytree(FOLDER / "starter", folder, dirs_exist_ok=True)
+            shutil.copytree(ANOTHER_WAY / form, folder, dirs_exist_ok=True)
+
+        monkeypatch.setitem(MISTAKES, form, Mistake("Only the starter.", changes=[begin], lost={}, hint=""))
+        found = mark(LAB, form)
+        shutil.rmtree(tmp_path / "handed_in")
+        assert sum(found.lost.values()) == 80.0, form
 
 
 @pytest.mark.unmeasured
@@ -62,9 +77,13 @@ def test_reference_passes_mission_check_and_starter_fails_it(tmp_path: Path) -> 
     for folder, share, hint in (
         (FOLDER / "starter", 0.0, "It did not pass the three gates"),
         (HERE / "reference", 1.0, ""),
-        (HERE / "table", 1.0, ""),
+        (Path("table"), 1.0, ""),
+        (Path("text"), 1.0, ""),
     ):
-        shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+        if folder.name in FORMS:
+            use_form(folder.name)(tmp_path)
+        else:
+            shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
         with Student(tmp_path) as student:
             verdict = runs_mission.evaluate(student, Case(runs_mission.visible[0], is_visible=True))
         assert (verdict.fraction, hint in verdict.hint) == (share, True)
@@ -95,6 +114,19 @@ def test_wrong_solution_loses_listed_points(mark: Callable[..., Any], leave_out:
     found = mark(LAB, name, is_hidden=name in ("timeout_from_run_start", "remembers_an_early_reset"))
     assert found.lost == MISTAKES[name].lost
     assert MISTAKES[name].hint in found.feedback
+
+
+@pytest.mark.unmeasured
+@pytest.mark.parametrize(("form", "name"), [(form, name) for form, changes in FORMS.items() for name in changes])
+def test_wrong_solution_in_another_form_loses_the_same_points(
+    mark: Callable[..., Any], leave_out: Any, monkeypatch: pytest.MonkeyPatch, form: str, name: str
+) -> None:
+    leave_out(*FLIGHTS)
+    mistake = replace(MISTAKES[name], changes=[use_form(form), *FORMS[form][name]])
+    monkeypatch.setitem(MISTAKES, "in another form", mistake)
+    found = mark(LAB, "in another form", is_hidden=name == "timeout_from_run_start")
+    assert found.lost == mistake.lost
+    assert mistake.hint in found.feedback
 
 
 def test_starter_fails_with_hints(mark: Callable[..., Any], leave_out: Any) -> None:

@@ -11,7 +11,11 @@ import typer
 from snr_sim.behaviors import Interpreter, exits, machine, on, parse, state
 from snr_sim.behaviors.coverage import Coverage
 from snr_sim.cli.machine_coverage import coverage
+from snr_sim.cli.machine_why import why
 from snr_sim.prelude.errors import ParameterError, UnknownNameError
+from snr_sim.recording.trace import FILE_NAME
+from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import run_recorded
 
 TEXT = """(var n := [0])
 (machine m
@@ -87,3 +91,50 @@ def test_wrong_seeds_are_refused(seeds: str) -> None:
 def test_controller_without_machine_is_named(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="no state machine"):
         coverage("lander_vertical", "0", "", 0.0, as_json=False)
+
+
+INSIDE = """
+from snr_sim import Endpoint, handles
+from snr_sim.behaviors import Interpreter, machine, on, state
+
+def is_low(m):
+    return m.data("altitude_m") < 500.0
+
+FALL = machine("fall", "high", [state("high", on(is_low, to="low")), state("low", on("never", to="high"))])
+
+class Pilot(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.radar = {}
+        self.interpreter = Interpreter(FALL, self.radar)
+        self.interpreter.spawn(0)
+
+    @handles("radar")
+    def on_radar(self, radar):
+        self.radar.update(altitude_m=radar["altitude_m"])
+        self.interpreter.step(round(self.get_time_s() * 1e9))
+
+def factories(robot):
+    return [Pilot.factory()]
+"""
+
+
+@pytest.fixture
+def inside(tmp_path: Path) -> Path:
+    """A controller with an interpreter inside a component."""
+    file = tmp_path / "inside.py"
+    file.write_text(INSIDE)
+    return file
+
+
+def test_interpreter_inside_a_component_is_counted(inside: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    coverage("lander_vertical", "0..1", str(inside), 0.0, as_json=True)
+    report = json.loads(capsys.readouterr().out)["machines"]["fall"]
+    assert [row["taken"] for row in report["transitions"]] == [2, 0]
+    assert report["percent"] == 75.0
+
+
+def test_interpreter_inside_a_component_is_explained(inside: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_recorded(prepare(Request("lander_vertical", controller=str(inside))), inside.parent / FILE_NAME)
+    why(inside.parent, "fall", "low", 0.0, 100.0, trust=True, as_json=False)
+    assert "taken 1 times" in capsys.readouterr().out

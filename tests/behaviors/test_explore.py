@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -76,6 +78,16 @@ def test_state_inside_one_that_can_be_left_is_not_a_dead_end() -> None:
     inner = machine("inner", "x", [state("x", on("k", to="y")), state("y")])
     made = machine("outer", "a", [state("a", on("back", to="b"), machines=[inner]), state("b", on("back", to="a"))])
     assert explore(made)[0] == []
+
+
+def test_functions_of_one_name_hide_each_other_only_if_they_are_the_same() -> None:
+    def known(name: str) -> Callable[[Any], Any]:
+        return lambda m: m.data(name)
+
+    stop, wet = known("stop"), known("wet")
+    rows = on(stop, to="b"), on(wet, to="b"), on(stop, to="c")
+    made = machine("m", "a", [state("a", *rows), state("b", on("go", to="c")), state("c", on("go", to="a"))])
+    assert [(one.kind, one.name) for one in explore(made)[0]] == [("hidden", "a->c")]
 
 
 def test_emergency_stop_hides_nothing() -> None:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from snr_sim.grading.lab.stimulus import Stimulus
 from snr_sim.grading.lab.student import Student
-from snr_sim.grading.lab.verdicts import GraderError
+from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import LogLineRecord
 from snr_sim.recording.trace import FILE_NAME
@@ -134,6 +135,7 @@ def test_tasks_of_a_failed_component_are_not_attributed_to_another(tmp_path: Pat
         ("lander_vertical", "lander/controllers/optimal.py"),
         ("lander_pad", "lander/controllers/pad.py"),
         ("urov_depth_hold", "urov/controllers/holds.py"),
+        ("dora_wall", "dora/controllers/stop.lrp"),
     ],
 )
 def test_graded_run_has_the_trace_digest_of_a_plain_run(scenario: str, controller: str, tmp_path: Path) -> None:
@@ -148,6 +150,25 @@ def test_graded_run_has_the_trace_digest_of_a_plain_run(scenario: str, controlle
     assert graded_run.folder is not None
     digest = read_trace(graded_run.folder / FILE_NAME).digest
     assert digest == digest_of_run(tmp_path, Request(scenario, seed=3, controller=str(submission / file)))
+
+
+def test_machine_in_a_text_is_edited_in_a_graded_run(tmp_path: Path) -> None:
+    text = (ROBOTS / "dora" / "controllers" / "stop.lrp").read_text()
+    (tmp_path / "mine.lrp").write_text(text)
+    edits = [text.replace("[55]", "[30]"), "(machine"]
+    inputs = [Stimulus(1.0 + i, task=("event", "dora.edit", [edit])) for i, edit in enumerate(edits)]
+    run = Student(tmp_path).run_scenario("dora_wall", 3, "mine.lrp", inputs=inputs)
+    assert [(time_s, page["ok"]) for time_s, page in run.pages("dora.edited")] == [(1.0, True), (2.0, False)]
+    (tmp_path / "mine.lrp").write_text(text.replace("[robot.stop()]", "[robot.stopp()]"))
+    with pytest.raises(SubmissionError, match=r"mine.lrp:9:28: .*stopp"):
+        Student(tmp_path).run_scenario("dora_wall", 3, "mine.lrp")
+
+
+def test_refused_import_beside_a_machine_in_a_text_is_named(tmp_path: Path) -> None:
+    (tmp_path / "mine.lrp").write_text('(actions "moves.py") (machine dora (state a)) (spawn dora a)')
+    (tmp_path / "moves.py").write_text("import math\nimport socket\n")
+    with pytest.raises(SubmissionError, match=r"moves.py, line 2: imports socket"):
+        Student(tmp_path).run_scenario("dora_wall", 3, "mine.lrp")
 
 
 def test_failed_run_is_returned_with_may_fail(tmp_path: Path) -> None:

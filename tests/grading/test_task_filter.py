@@ -41,9 +41,21 @@ def test_notes_and_missed_keys_are_limited_per_run() -> None:
 def test_long_component_name_or_too_many_handlers_is_rejected() -> None:
     task_filter = TaskFilter("mine.py")
     task_filter.component(ComponentInfo("pilot", [("event", None, "f")] * MAX_KEYS, []))
-    for made in (ComponentInfo("x" * 201, [], []), ComponentInfo("pilot", [("event", None, "f")] * (MAX_KEYS + 1), [])):
+    for made in (
+        ComponentInfo("x" * 201, [], []),
+        ComponentInfo("pilot", [("event", None, "f")] * (MAX_KEYS + 1), []),
+        ComponentInfo("pilot", [], [], optional_events=["e"] * (MAX_KEYS + 1)),
+        ComponentInfo("pilot", [], [], repeats="e" * 201 + ".step"),
+    ):
         with pytest.raises(TaskRejectedError, match="handlers"):
             task_filter.component(made)
+
+
+def test_clock_may_send_steps_of_a_machine_only() -> None:
+    task_filter = TaskFilter("mine.py")
+    task_filter.component(ComponentInfo("clock", [], [], repeats="dora.step"))
+    with pytest.raises(TaskRejectedError, match="not a machine's step"):
+        task_filter.component(ComponentInfo("clock", [], [], repeats="add_component"))
 
 
 def test_permitted_tasks_are_returned_unchanged() -> None:

@@ -13,8 +13,9 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 FRAMES = {"01_landing": 1, "02_underwater": 1, "04_replay": 2}  # in which the rerun viewer shows a recorded run
 
 
-def test_notebooks_are_five_and_listed_in_readme() -> None:
-    assert [one.stem[3:] for one in NOTEBOOKS] == ["landing", "underwater", "filters", "replay", "grading"]
+def test_notebooks_are_six_and_listed_in_readme() -> None:
+    names = ["landing", "underwater", "filters", "replay", "grading", "live_programming"]
+    assert [one.stem[3:] for one in NOTEBOOKS] == names
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert all(one.name in page for one in NOTEBOOKS)
 

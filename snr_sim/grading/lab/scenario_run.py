@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 from snr_sim.core.config import Config
 from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.grading.lab.stimulus import GIVEN, Stimulus
 from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, GraderError, InconclusiveError, SubmissionError
 from snr_sim.grading.remote.protocol import SUBMISSION
@@ -19,6 +21,7 @@ from snr_sim.grading.remote.remote import Remote
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.folder import RESULT_SCHEMA, write_result
 from snr_sim.recording.reader import Trace, read_trace
@@ -75,6 +78,7 @@ def run_scenario(
     io: str,
     engine: str | None,
     may_fail: bool,
+    inputs: Sequence[Stimulus] = (),
 ) -> ScenarioRun:
     """Run the scenario; the result is the same, to the last bit, as that of `snr run` with the same file.
 
@@ -83,6 +87,7 @@ def run_scenario(
         scenario, seed, options, io, engine: as for `snr run`.
         controller: file of the submission.
         may_fail: whether a run that the student's program ended, by itself or with an error, is returned, too.
+        inputs: tasks that come from outside meanwhile, to every node, such as an edit of a state machine.
 
     Raises:
         SubmissionError: the student's program failed, or ended the run by itself.
@@ -101,11 +106,11 @@ def run_scenario(
             # What ran on this computer without a wall may be replayed here without a question.
             files = simulation.files().values() if student.isolation == "none" else ()
             with library.keep_copies(folder, files):
-                run = _execute(simulation, plant, config, remote, folder, is_kept=True)
+                run = _execute(simulation, plant, config, remote, inputs, folder, is_kept=True)
             student.run_folder = folder
         else:
             with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
-                run = _execute(simulation, plant, config, remote, Path(name), is_kept=False)
+                run = _execute(simulation, plant, config, remote, inputs, Path(name), is_kept=False)
         student.run_count += 1
     finally:
         student.close_child(child)
@@ -165,7 +170,13 @@ def _read_files(remote: Remote, submission: Path, robot: library.FoundItem) -> d
 
 
 def _execute(
-    simulation: Simulation, plant: Plant, config: Config, remote: Remote, folder: Path, is_kept: bool
+    simulation: Simulation,
+    plant: Plant,
+    config: Config,
+    remote: Remote,
+    inputs: Sequence[Stimulus],
+    folder: Path,
+    is_kept: bool,
 ) -> ScenarioRun:
     recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.trace_info())
     try:
@@ -176,6 +187,10 @@ def _execute(
         except SnrError as error:  # a component could not be made
             hint = "Your components could not be made: look at the line named."
             raise remote.submission_error or SubmissionError(str(error), hint) from error
+        for one in inputs:
+            assert one.task is not None  # a page would be one of a sensor's
+            kind, name, values = one.task
+            flight.bring(one.at_s, Task(TaskType(kind), name, list(values)), GIVEN)
         result = flight.run()
     finally:
         recorder.close()

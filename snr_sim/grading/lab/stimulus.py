@@ -25,7 +25,7 @@ from snr_sim.prelude.scenario import RobotInfo
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.scenario import library
 
-_SOURCE = "given"
+GIVEN = "given"  # source of inputs, in a trace
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ def _deliver(stimulus: Stimulus, number: int, node: Node, output_log: OutputLog)
         page = Page(stimulus.key, stimulus.value, node.name, node.get_time_s(), stimulus.process)
         task = Task.store_page(page)
     output_log.delivered.append(number)
-    node.enqueue_input(task, _SOURCE)
+    node.enqueue_input(task, GIVEN)
 
 
 class OutputLog:
@@ -186,7 +186,7 @@ class OutputLog:
     def input(self, now_s: float, source: str, task: Task) -> TaskRef:
         """Keep what a loop of the student's sent."""
         cause = None
-        if source == _SOURCE:
+        if source == GIVEN:
             cause = self.delivered[self._accepted]
             self._accepted += 1
         if source in self._names:

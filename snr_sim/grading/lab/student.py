@@ -102,11 +102,12 @@ class Student(Submission):
         io: str = "sim",
         engine: str | None = None,
         may_fail: bool = False,
+        inputs: Sequence[Stimulus] = (),
     ) -> ScenarioRun:
         """Run a scenario with the components of a submitted file as its controller; see `scenario_run.run_scenario`."""
         from snr_sim.grading.lab.scenario_run import run_scenario
 
-        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, may_fail)
+        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, may_fail, inputs)
 
     @property
     def printed(self) -> str:

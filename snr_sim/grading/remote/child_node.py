@@ -159,6 +159,8 @@ class ChildNode(Node):
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
         made = protocol.ComponentInfo(component.name, list(self.handlers_of(component)), steps)
+        if isinstance(component, Endpoint):
+            made = msgspec.structs.replace(made, optional_events=[str(name) for name in component.optional_events])
         if isinstance(component, Loop):
             component.begin_with(ExternalExecutor())
             made = msgspec.structs.replace(
@@ -167,6 +169,7 @@ class ChildNode(Node):
                 first_s=float(component.first_tick_after_s),
                 wakes_on=[str(key) for key in component.wakes_on],
                 next_s=component.next_tick_at_s,
+                repeats=repeated_event(component),
             )
         return made
 
@@ -276,6 +279,12 @@ class ChildNode(Node):
         return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed, "output": output}
 
 
+def repeated_event(loop: Any) -> str:
+    """Return the event that a loop sends at each tick, if it is the clock of a state machine; else an empty text."""
+    behaviors = sys.modules.get("snr_sim.behaviors.endpoint")  # not imported for programs without a machine
+    return str(loop.event) if behaviors is not None and type(loop) is behaviors.StepLoop else ""
+
+
 def describe_failure(error: BaseException, begins: Any) -> tuple[str, str]:
     """Return the error with the student's line first, and a fix; the grader adds in which step it was."""
     text = describe_error(error, "\0", begins)
@@ -288,11 +297,12 @@ class NodeVerbs:
     """The verbs of a student's process that are about nodes: load a file, make components, have them do a step.
 
     Args:
-        read_module: returns a file of the student's as a module.
+        read_module: returns a Python file of the student's as a module.
     """
 
     def __init__(self, read_module: Callable[[str], ModuleType]) -> None:
         self._read_module = read_module
+        self._programs: dict[str, ModuleType] = {}  # that are state machines in text
         self._factories: list[AnyFactory] = []
         self._nodes: dict[str, ChildNode] = {}
         sys.stdout = RecordedOutput(sys.stdout, self._nodes.values())
@@ -310,7 +320,11 @@ class NodeVerbs:
         for name, folder in do.robots:
             self._folders[name] = Path(folder)
             library.name_robot(name, Path(folder))
-        module = self._read_module(do.file)
+        if do.robots and Path(do.file).suffix == library.LRP:
+            name, folder = do.robots[0]
+            robot = library.FoundItem("robots", name, Path(folder), "the grader")
+            self._programs[do.file] = library.load_controller(robot, do.file)
+        module = self._controller(do.file)
         if not callable(getattr(module, "factories", None)):
             raise SnrError(
                 f"{do.file} has no function `factories`, which a controller needs.",
@@ -322,13 +336,16 @@ class NodeVerbs:
 
     def open(self, do: protocol.Open) -> bytes:
         """Have a file make its factories; return for each whether it makes a loop."""
-        module = self._read_module(do.file)
+        module = self._controller(do.file)
         robot = pickle.loads(base64.b64decode(do.robot))  # written by the grader, so safe to unpickle
         made = factories_of(module, robot)
         self._factories += made
         return _encode(
             protocol.FactoriesInfo([isinstance(one, LoopFactory) for one in made], _files_read(self._folders))
         )
+
+    def _controller(self, file: str) -> ModuleType:
+        return self._programs.get(file) or self._read_module(file)
 
     def make(self, do: protocol.Make) -> bytes:
         """Create the component of a factory in a node; return the data of it that the grader needs."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import LAB_MODULE
+from snr_sim.scenario.library import LRP
 
 if TYPE_CHECKING:  # the student's process imports this module, too
     from snr_sim.grading.remote.child_process import ChildProcess
@@ -48,7 +49,10 @@ def check_imports(
         if name in seen:
             continue
         seen.add(name)
-        for module, line in _imported(folder / name, child):
+        if name.endswith(LRP):
+            waiting += _parsed(folder / name, child, files_in)
+            continue
+        for module, line in _parsed(folder / name, child, imports_in):
             reason = _rejection_reason(module, may_import, REFUSED | dict(refused))
             if reason:
                 raise SubmissionError(
@@ -71,13 +75,20 @@ def _rejection_reason(module: str, may_import: frozenset[str], refused: Mapping[
     return next((refused[name] for name in names if name in refused), "")
 
 
-def _imported(path: Path, child: ChildProcess) -> list[list[Any]]:
+def _parsed(path: Path, child: ChildProcess, parser: Callable[[bytes], list[Any]]) -> list[Any]:
     try:
         with path.open("rb") as opened:
-            found: list[list[Any]] = child.parse(imports_in, opened.read(_MAX_SOURCE_BYTES))
+            found: list[Any] = child.parse(parser, opened.read(_MAX_SOURCE_BYTES))
             return found
     except OSError:
         return []  # running it reports what is wrong
+
+
+def files_in(source: bytes) -> list[str]:
+    """Return the files that a state machine in LRP takes programs and functions of; runs where `imports_in` does."""
+    from snr_sim.behaviors.imports import files_named
+
+    return [name for names in files_named(source.decode(errors="replace")) for name in names]
 
 
 def imports_in(source: bytes) -> list[tuple[str, int]]:

@@ -197,7 +197,10 @@ class FactoriesInfo(msgspec.Struct, frozen=True):
 
 
 class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A component: its name, its handlers, and which steps of its life its author has written."""
+    """A component: its name, its handlers, and which steps of its life its author has written.
+
+    `repeats` is the event that the clock of a state machine sends at each tick: those ticks need no request.
+    """
 
     name: str
     handlers: list[HandlerRow]
@@ -206,6 +209,8 @@ class ComponentInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     first_s: float = 0.0
     next_s: float | None = None
     wakes_on: list[str] = []
+    optional_events: list[str] = []
+    repeats: str = ""
 
 
 class StepEffects(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

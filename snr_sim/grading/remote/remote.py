@@ -30,6 +30,7 @@ from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.sent_code import LAB_MODULE
 from snr_sim.grading.remote.task_filter import TaskFilter
+from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
@@ -139,8 +140,8 @@ class Remote:
         processed = _processed_by(task, node)
         raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
         answer = self.ask(protocol.Handle(*self._address(component, node.machine.now_s), raw, processed), _returned)
-        for name, tasks in answer.returned.items():
-            self._answers[name] = self.task_filter.tasks(tasks, node, name)
+        for name, raws in answer.returned.items():
+            self._answers[name] = self.task_filter.tasks(raws, node, name)
         if answer.failed:
             if answer.is_slow:
                 self.submission_error = SubmissionError(answer.text, protocol.SLOW_HINT)
@@ -166,7 +167,7 @@ class Remote:
         for note in self.task_filter.notes(effects.notes):
             node.add_note(note)
         for component, level, text in effects.output:
-            if component in self.names and level in LEVELS:
+            if (component in self.names or component.partition(" ")[0] in self.names) and level in LEVELS:
                 node.record_text(component, level, text)
         for key in self.task_filter.missed(effects.missed):
             node.datastore.missed[key] = None
@@ -261,6 +262,7 @@ class RemoteEndpoint(Endpoint):
         super().__init__(factory, parent, made.name)
         self._steps = {"join" if step == "halt" else step for step in made.steps}
         self.task_handlers = self.handlers_of(made.handlers)
+        self.optional_events = made.optional_events
 
     def handlers_of(self, rows: Sequence[protocol.HandlerRow]) -> TaskHandlerMap:
         """Return handlers that have the student's called."""
@@ -321,16 +323,21 @@ class RemoteLoop(Loop):
         assert isinstance(parent, Node)  # in the grader
         super().__init__(factory, parent, made.name, made.rate_hz)
         self.first_tick_after_s: float = made.first_s
-        self.next_tick_at_s = made.next_s
+        self.next_tick_at_s = None if made.repeats else made.next_s
         self.wakes_on = tuple(made.wakes_on[:MAX_WAKES])
+        self._repeated = tasks.event(made.repeats) if made.repeats else None
 
     def setup(self) -> None:
         """Have the student's `setup` called."""
         self._do("setup")
 
     def loop(self) -> None:
-        """Have the student's `loop` called."""
-        self._do("loop")
+        """Have the student's `loop` called; the clock of a state machine needs no request for that."""
+        if self._repeated is None:
+            self._do("loop")
+        else:
+            self.factory.remote.task_filter.count(self.parent.get_time_s())
+            self.schedule(self._repeated)
 
     def halt(self) -> None:
         """Have the student's `halt` called."""

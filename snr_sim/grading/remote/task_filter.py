@@ -53,12 +53,17 @@ class TaskFilter:
         """Check the description that a component sends.
 
         Raises:
-            TaskRejectedError: its name is too long, or it has too many handlers.
+            TaskRejectedError: its name is too long, it has too many handlers, or its ticks send another event.
         """
-        if len(made.name) > _NAME_LENGTH or len(made.handlers) > MAX_KEYS:
+        if made.repeats and not made.repeats.endswith(".step"):  # or it could be one that changes the node
+            raise TaskRejectedError(
+                f"The loop '{made.name[:_NAME_LENGTH]}' sends an event that is not a machine's step."
+            )
+        events = max(len(made.handlers), len(made.optional_events))
+        if max(len(made.name), len(made.repeats)) > _NAME_LENGTH or events > MAX_KEYS:
             raise TaskRejectedError(
                 f"The component '{made.name[:_NAME_LENGTH]}' has a name of {len(made.name)} characters and "
-                f"{len(made.handlers)} handlers.",
+                f"{events} handlers.",
                 fix=f"at most {_NAME_LENGTH} and {MAX_KEYS}.",
             )
 

@@ -1,6 +1,13 @@
-"""Wrong solutions of the lab "mission state machine", their lost points and their hints."""
+"""Wrong solutions of the lab "mission state machine", their lost points and their hints.
 
-from tests.assignments.mistakes import Mistake, replace
+The same ones in the other forms of the machine: as a table, and as text.
+"""
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from tests.assignments.mistakes import Change, Mistake, replace
 
 MISTAKES = {
     "stops_while_pressed": Mistake(
@@ -16,7 +23,7 @@ MISTAKES = {
         ],
     ),
     "stops_in_some_states": Mistake(
-        "Ignores the emergency stop in the states 'waiting' and 'done'.",
+        "Ignores the emergency stop in the states 'waiting', 'surfacing' and 'done'.",
         lost={"stops": 7.5},
         hint="the emergency stop counts in every state",
         changes=[
@@ -131,3 +138,64 @@ MISTAKES = {
         ],
     ),
 }
+
+
+HERE = Path(__file__).parent
+ANOTHER_WAY = HERE.parents[2] / "assignments" / "05_mission_state_machine" / "starter" / "another_way"
+TABLE, TEXT = "machine.py", "mission.lrp"
+STICKS = MISTAKES["stops_with_sticks_at_zero"].changes  # of mission.py, which is the same in all forms
+ALARM = 'on(known("stop"), to="stopped")'
+GO_ON = "(on [robot.reset_button.read() and not robot.stop_button.read()] stopped -> waiting)"
+LIMITS_S = {"lining_up": 30, "passing": 20, "holding": 5}
+
+# The changes of a mistake, by form and by its name in MISTAKES; one that is not here cannot be written in this form.
+FORMS: dict[str, dict[str, Sequence[Change]]] = {
+    "table": {
+        "stops_while_pressed": [replace(TABLE, 'm.data("reset") and not m.data("stop")', 'not m.data("stop")')],
+        "stops_in_some_states": [
+            replace(TABLE, f"    anywhere=[{ALARM}],\n", ""),
+            *(replace(TABLE, f'"{name}",\n', f'"{name}",\n            {ALARM},\n') for name in LIMITS_S),
+        ],
+        "stops_with_sticks_at_zero": STICKS,
+        "timeout_from_run_start": [
+            replace(
+                TABLE,
+                f'"{name}",\n            on(known("is_wet"), to="surfacing"),\n            on(is_over({limit_s:.1f})',
+                f'"{name}",\n            on(known("is_wet"), to="surfacing"),\n'
+                f'            on(lambda m: m.data("now_s") > {limit_s}',
+            )
+            for name, limit_s in LIMITS_S.items()
+        ],
+        "no_hold_timeout": [replace(TABLE, '            on(is_over(5.0), to="surfacing"),\n', "")],
+        "adds_up_short_stays": [replace(TABLE, 'on(is_far, to="far"), ', "")],
+        "resumes_after_stop": [replace(TABLE, 'on(is_released, to="waiting")', 'on(is_released, to="lining_up")')],
+    },
+    "text": {
+        "stops_while_pressed": [replace(TEXT, GO_ON, "(on [not robot.stop_button.read()] stopped -> waiting)")],
+        "stops_in_some_states": [
+            replace(
+                TEXT,
+                "(on stop * -> stopped)",
+                "\n  ".join(f"(on stop {name} -> stopped)" for name in LIMITS_S),
+            )
+        ],
+        "stops_with_sticks_at_zero": STICKS,
+        "timeout_from_run_start": [
+            replace(TEXT, f"(ontime {limit_s}000 {name} ", f"(on [now_ms > {limit_s}000] {name} ")
+            for name, limit_s in LIMITS_S.items()
+        ],
+        "no_hold_timeout": [replace(TEXT, "  (ontime 5000 holding -> surfacing)\n", "")],
+        "adds_up_short_stays": [replace(TEXT, "      (on [far_m() > 0.25] near -> far)\n", "")],
+        "resumes_after_stop": [replace(TEXT, GO_ON, GO_ON.replace("waiting", "lining_up"))],
+    },
+}
+
+
+def use_form(form: str) -> Change:
+    """Return a change that puts the machine of the reference, and what is given with its form, into a folder."""
+
+    def change(folder: Path) -> None:
+        for source in (ANOTHER_WAY / form, HERE / form):
+            shutil.copytree(source, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+
+    return change
