@@ -7,6 +7,7 @@ import re
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from keyword import kwlist
 from typing import Any, Literal, TypeAlias
 
 from snr_sim.prelude.errors import suggest
@@ -32,6 +33,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "zip": zip, "list": tuple, "reversed": reversed,
 }  # fmt: skip
 _SPECIAL = ("robot", "now_ms", "in_state_ms", "signal", "random", "log", "math", "range", "round")
+RESERVED = frozenset((*_SPECIAL, *FUNCTIONS, *kwlist))  # which a program cannot declare
 _STATEMENTS = (ast.Assign, ast.AugAssign, ast.If, ast.For, ast.Pass, ast.Expr)
 _EXPRESSIONS = (
     ast.Constant, ast.Name, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.Attribute,
@@ -184,7 +186,7 @@ class BlockChecker:
                 self._check_target(one)
         elif not isinstance(node, ast.Name):
             self._report(node, "Only variables can be assigned.", "name = value; for a part, robot.part.start(value).")
-        elif node.id.startswith("_") or node.id in (*_SPECIAL, *FUNCTIONS, *self.definitions, *self.actions):
+        elif node.id.startswith("_") or node.id in (*RESERVED, *self.definitions, *self.actions):
             self._report(node, f"'{node.id}' cannot be assigned.", "choose another name.")
 
     def _check(self, node: ast.expr) -> None:

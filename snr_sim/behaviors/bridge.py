@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from keyword import iskeyword
 from typing import Any
 
 from snr_sim.behaviors.context import Owner
@@ -77,7 +78,7 @@ class Bridge:
             how often the page has been stored.
 
     Raises:
-        ConfigError: a name is not one of Python's, or is `stop`.
+        ConfigError: a name is not one of Python's, or is one of Robot's own.
     """
 
     reads: Mapping[str, Read] = field(default_factory=dict)
@@ -86,7 +87,7 @@ class Bridge:
 
     def __post_init__(self) -> None:
         for name in (*self.reads, *self.drives):
-            if not name.isidentifier() or name.startswith("_") or name == "stop":
+            if not name.isidentifier() or iskeyword(name) or name.startswith("_") or hasattr(Robot, name):
                 raise ConfigError(f"A part of a robot cannot be named '{name}'.", fix="letters, digits and '_'.")
 
     @property

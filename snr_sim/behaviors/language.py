@@ -33,6 +33,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
+from snr_sim.behaviors.block_checks import RESERVED
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block
 from snr_sim.behaviors.checks import problems_of
 from snr_sim.behaviors.context import plain_value
@@ -303,25 +304,28 @@ class _Language:
         """Return the names with those that `var` and `def` add, in the order of the text."""
         own: set[str] = set()
         for form in forms:
-            if _first(form) not in ("var", "def"):
-                continue
-            try:
-                name = self._name(form, 1)
-                if name in own:
-                    raise self._failed(form.items[1].place, f"'{name}' is declared twice here.", "rename one.")
-                if "-" in name or not name.isidentifier():
-                    raise self._failed(form.items[1].place, f"'{name}' cannot be used in Python.", "use '_', not '-'.")
-                own.add(name)
-                names = self._declared(form, name, names, scope)
-            except _FormError:
-                continue
+            if _first(form) in ("var", "def"):
+                for name in self._tried(self._python_name, form, 1, own):
+                    names = (self._tried(self._declared, form, name, names, scope) or [names])[0]
         return names
+
+    def _python_name(self, form: Form, i: int, own: set[str]) -> str:
+        """Return the word at an index, which Python can use and which `own` does not have, and add it there."""
+        name, place = self._name(form, i), form.items[i].place
+        if name in own:
+            raise self._failed(place, f"'{name}' is declared twice here.", "rename one.")
+        if name in RESERVED:
+            raise self._failed(place, f"'{name}' has a meaning in Python or in blocks.", f"rename it: {name}_1.")
+        if not name.isidentifier():
+            raise self._failed(place, f"'{name}' cannot be used in Python.", "use '_', not '-'.")
+        own.add(name)
+        return name
 
     def _declared(self, form: Form, name: str, names: _Names, scope: str) -> _Names:
         if _first(form) == "def":
-            *parameters, code = form.items[2:] or [None]
-            given = tuple(one.text for one in parameters if isinstance(one, Word))
-            if not isinstance(code, Code) or len(given) != len(parameters):
+            code, own = form.items[-1], set[str]()
+            given = tuple(self._python_name(form, i, own) for i in range(2, len(form.items) - 1))
+            if not isinstance(code, Code):
                 raise self._shape(form)
             block = self._block(code, "condition", replace(names, variables={**names.variables, **_own(given)}))
             without = {key: value for key, value in names.variables.items() if key != name}

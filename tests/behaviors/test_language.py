@@ -206,6 +206,12 @@ def changed(old: str, new: str) -> str:
         (changed("(event press)", "(event press)(event press)"), 9, 23, "There are two events 'press' here."),
         (changed("(var twice", "(var bright"), 4, 6, "'bright' is declared twice here."),
         (changed("(var twice", "(var tw-ice"), 4, 6, "'tw-ice' cannot be used in Python."),
+        (changed("(var twice", "(var class"), 4, 6, "'class' has a meaning in Python or in blocks. rename it: class_1."),
+        (changed("(def near limit", "(def near limit limit"), 5, 17, "'limit' is declared twice here. rename one."),
+        (changed("(def near limit", "(def near robot"), 5, 11, "'robot' has a meaning in Python or in blocks."),
+        (changed("(def near", "(def random"), 5, 6, "'random' has a meaning in Python or in blocks."),
+        (changed("(def near limit", "(def near 5"), 5, 1, "(def ...) is not complete, or has too much."),
+        (changed("(def near limit", "(def near *"), 5, 1, "(def ...) is not complete, or has too much."),
         (changed(":= [80]", ":= [robot.range.read()]"), 3, 17, "The robot has no 'range'"),
         (changed(":= [80]", ":= [1 / 0]"), 3, 17, "ZeroDivisionError"),
         (changed(":= [80]", ":= [sum]"), 3, 17, "cannot be a builtin_function_or_method"),
@@ -335,6 +341,22 @@ def broken(rng: random.Random) -> str:
             other = rng.randrange(len(text))
             text = text[:other] + text[at:end] + text[other:]
     return text
+
+
+WORDS = st.sampled_from(["a", "f", "x", "class", "robot", "random", "max", "None", "m-n", "5", "*", "->", "[a]", "(x)"])
+
+
+@given(st.sampled_from(["var", "def"]), st.lists(WORDS, max_size=4), st.sampled_from(["a", "a + f(1)", "f", "max(a)"]))
+def test_declaration_of_any_words_is_refused_or_runs(form: str, words: list[str], code: str) -> None:
+    declared = f"({form} {' '.join(words)} [{code}])"
+    try:
+        program = parse(f"(var x := [1]){declared}(machine m (state s (running [x = {code}])))(spawn m s)")
+    except ProgramError as error:
+        assert all(1 <= one.place.column <= len(declared) + 80 for one in error.problems)
+        return
+    interpreter = Interpreter(program)
+    interpreter.spawn(0)
+    interpreter.step(1)
 
 
 @given(st.integers(0, 10**9))
