@@ -118,6 +118,7 @@ class Robot:
         self._commands = {name: drive.neutral for name, drive in self._drives.items()}
         self._changed: dict[DataKey, None] = {}  # pages to store, in order of their first command
         self._used: dict[DataKey, None] = {}  # pages that have been stored at all
+        self._is_held = False
         for name in bridge.parts:
             setattr(self, name, Part(self, name, bridge.reads.get(name), bridge.drives.get(name), owner, in_state_s))
 
@@ -149,16 +150,18 @@ class Robot:
         commands, changed = mark
         self._commands, self._changed = dict(commands), dict(changed)
 
-    def repeat(self) -> None:
-        """Let all commands be stored again."""
-        self._changed = dict(self._used)
+    def hold(self, *, is_held: bool) -> list[Task]:
+        """Keep all parts at neutral, whatever they are commanded, until they are released; return the tasks for it."""
+        self._is_held = is_held
+        self._changed |= dict.fromkeys(drive.page for drive in self._drives.values())
+        return self.take_tasks()
 
     def take_tasks(self) -> list[Task]:
         """Return the tasks that store what was commanded since the last call, and what repeats."""
         pages = dict(self._changed)
         self._used |= pages
         for name, drive in self._drives.items():
-            if drive.repeat_s is None or drive.page not in self._used or drive.page in pages:
+            if drive.repeat_s is None or drive.page not in self._used or drive.page in pages or self._is_held:
                 continue
             if self._commands[name] != drive.neutral and self._owner.get_age_s(drive.page) >= drive.repeat_s:
                 pages[drive.page] = None
@@ -166,11 +169,11 @@ class Robot:
         return [self._owner.store_data_task(page, self._data(page)) for page in pages]
 
     def _data(self, page: DataKey) -> Any:
-        data = {
-            drive.field: self._commands[name] if drive.to is None else drive.to(self._commands[name])
-            for name, drive in self._drives.items()
-            if drive.page == page
-        }
+        data = {}
+        for name, drive in self._drives.items():
+            if drive.page == page:
+                command = drive.neutral if self._is_held else self._commands[name]
+                data[drive.field] = command if drive.to is None else drive.to(command)
         if page not in self._pages:
             return data
         self._stored[page] = self._stored.get(page, 0) + 1

@@ -154,7 +154,6 @@ class MachineEndpoint(Endpoint):
         self.is_paused: bool = False
         self.program_number: int = 1
         self._paused_ns = 0
-        self._mark: Any = None  # what the robot was commanded when it was paused
         self._transition = f"{name}.transition"
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
         self._last: Change | None = None
@@ -227,28 +226,22 @@ class MachineEndpoint(Endpoint):
         return self.store_data_task(self.name, self._page())
 
     def on_pause(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Take no more steps."""
+        """Take no more steps; the robot is at neutral, whatever an edit commands."""
         if self.is_paused:
             return None
-        self.is_paused, self._paused_ns = True, self._now_ns()
-        robot, commands = self.interpreter.robot, list[Task]()
-        if robot is not None:
-            self._mark = robot.mark()
-            robot.stop()
-            commands = robot.take_tasks()
-        return [*commands, self.store_data_task(self.name, self._page())]
+        self._paused_ns = self._now_ns()
+        return self._hold(is_held=True)
 
     def on_go(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue as if no time had passed."""
-        if not self.is_paused:
-            return None
-        self.is_paused = False
-        self.interpreter.delay(self._now_ns() - self._paused_ns)
-        robot, commands = self.interpreter.robot, list[Task]()
-        if robot is not None:
-            robot.undo(self._mark)
-            robot.repeat()
-            commands = robot.take_tasks()
+        return self._hold(is_held=False) if self.is_paused else None
+
+    def _hold(self, *, is_held: bool) -> list[Task]:
+        self.is_paused = is_held
+        if not is_held:
+            self.interpreter.delay(self._now_ns() - self._paused_ns)
+        robot = self.interpreter.robot
+        commands = [] if robot is None else robot.hold(is_held=is_held)
         return [*commands, self.store_data_task(self.name, self._page())]
 
     def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -281,9 +274,7 @@ class MachineEndpoint(Endpoint):
         edited, changes = self.interpreter.edit(program, self._now_ns())
         self.program_number += 1
         self._set_handlers()
-        changed = self._results(changes)
-        if not changes:
-            changed.append(self.store_data_task(self.name, self._page()))
+        changed = self._results(changes, has_changed=True)
         return [*changed, self._edited(list(program.warnings), edited)]
 
     def _edited(self, problems: Sequence[Problem], edited: Edited | None = None, **more: Any) -> Task:
@@ -306,9 +297,11 @@ class MachineEndpoint(Endpoint):
         return self.store_data_task(f"{self.name}.edited", answer)
 
     def _now_ns(self) -> int:
-        return round(self.get_time_s() * NS_PER_S)
+        """Return the time of the machines, which stands still while they are paused."""
+        return self._paused_ns if self.is_paused else round(self.get_time_s() * NS_PER_S)
 
-    def _results(self, changes: list[Change]) -> list[Task]:
+    def _results(self, changes: list[Change], *, has_changed: bool = False) -> list[Task]:
+        """Return the tasks of what the interpreter has done; `has_changed`: something else on the page has."""
         interpreter = self.interpreter
         found = [] if interpreter.robot is None else interpreter.robot.take_tasks()
         for function, output in interpreter.outputs:
@@ -320,6 +313,7 @@ class MachineEndpoint(Endpoint):
         if changes:
             self._last = changes[-1]
             found += [tasks.event(self._transition, [msgspec.structs.asdict(one)]) for one in changes]
+        if changes or has_changed:
             found.append(self.store_data_task(self.name, self._page()))
         return found
 

@@ -106,6 +106,21 @@ def test_edit_while_it_is_paused_is_taken_and_moves_nothing() -> None:
     assert node.get_data("diver")["is_paused"]
 
 
+RISEN = DIVER.replace("(state rising", "(state risen").replace("-> rising", "-> risen").replace("rising ->", "risen ->")
+RISEN = RISEN.replace("[robot.up.start(push)]", "[robot.up.start(33)]").replace("(spawn diver sinking)", "(spawn diver risen)")
+
+
+def test_edit_that_moves_a_paused_machine_commands_the_robot_when_it_goes() -> None:
+    pause, change = event_at(1.15, "diver.pause"), event_at(1.2, "diver.edit", RISEN)
+    node = run(pause, change, until_s=1.4)
+    page = node.get_data("diver")
+    assert (page["active"], page["is_paused"], page["entered_s"]) == ({"diver": "risen"}, True, {"diver": 1.15})
+    assert node.get_data("thrust") == {"up_n": 0.0}
+    node = run(pause, change, event_at(1.4, "diver.go"), until_s=1.45)
+    assert node.get_data("thrust") == {"up_n": 33.0}
+    assert node.get_data("diver")["entered_s"] == {"diver": 1.4}
+
+
 def test_commands_that_stood_before_a_pause_are_given_again() -> None:
     node = run(event_at(1.15, "diver.pause"), event_at(1.3, "diver.go"), until_s=1.35)
     assert node.get_data("thrust") == {"up_n": 5.0}

@@ -1,0 +1,41 @@
+"""What a program reads and commands of its robot: names, limits of time, and that a robot that is held stays still."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from snr_sim.behaviors import Bridge, Drive, FixedPages, Read
+from snr_sim.behaviors.bridge import Robot
+from snr_sim.prelude.errors import ConfigError
+
+DRIVES = {"left": Drive("motors", "l", -9, 9), "right": Drive("motors", "r", -9, 9), "lamp": Drive("lamp", "p", 0, 9, 1)}
+NEUTRAL = {"motors": {"l": 0.0, "r": 0.0}, "lamp": {"p": 1}}
+
+
+@pytest.mark.parametrize("name", ["stop", "class", "command", "take_tasks", "_x", "a-b", ""])
+def test_part_with_a_name_of_python_or_of_robot_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match="cannot be named"):
+        Bridge({name: Read("range")})
+
+
+@given(st.lists(st.tuples(st.sampled_from([*DRIVES, "hold", "release", "undo"]), st.integers(0, 9))))
+def test_robot_that_is_held_is_commanded_neutral_and_then_what_counts(words: list[tuple[str, int]]) -> None:
+    robot = Robot(Bridge({}, DRIVES), FixedPages({}), lambda: 0.0)
+    commanded, seen, is_held = dict(l=0.0, r=0.0, p=1.0), dict(NEUTRAL), False
+    mark = robot.mark(), dict(commanded)
+    for word, value in words:
+        if word in DRIVES:
+            getattr(robot, word).start(value)
+            commanded[DRIVES[word].field] = float(value)
+        elif word == "undo":
+            robot.undo(mark[0])
+            commanded = dict(mark[1])
+        else:
+            is_held = word == "hold"
+            seen |= {task.name: task.val_list[0].data for task in robot.hold(is_held=is_held)}
+        mark = robot.mark(), dict(commanded)
+        seen |= {task.name: task.val_list[0].data for task in robot.take_tasks()}
+        stored = {field: one for page in seen.values() for field, one in page.items()}
+        assert stored == (dict(l=0.0, r=0.0, p=1) if is_held else commanded)
