@@ -93,9 +93,7 @@ class BlockChecker:
         if not self._is_flat(tree):
             self._add(0, column, 0, column, "The block is nested too deeply.", f"at most {MAX_NESTING} levels.")
             return None
-        self._local_names = {
-            node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-        } - self.variables
+        self._local_names = stored_names(tree)
         if kind == "condition":
             assert isinstance(tree, ast.Expression)
             self._check(tree.body)
@@ -208,13 +206,17 @@ class BlockChecker:
         elif isinstance(node, ast.Compare) and any(isinstance(one, (ast.Is, ast.IsNot)) for one in node.ops):
             self._check_identity(node)
         elif isinstance(node, (ast.ListComp, ast.GeneratorExp)):
+            outer = self._local_names
             for one in node.generators:
                 if one.is_async:
                     self._refuse(node)
+                self._check(one.iter)
                 self._check_target(one.target)
-                for part in (one.iter, *one.ifs):
-                    self._check(part)
+                self._local_names = self._local_names | stored_names(one.target)
+                for test in one.ifs:
+                    self._check(test)
             self._check(node.elt)
+            self._local_names = outer
         else:
             for child in ast.iter_child_nodes(node):
                 if isinstance(child, ast.expr):
@@ -328,6 +330,14 @@ def _sources(text: str, column: int, kind: Kind) -> Iterator[tuple[str, tuple[in
 
 def _is_plain_constant(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and not isinstance(node.value, str)
+
+
+def stored_names(node: ast.AST) -> set[str]:
+    """Return the names that a node assigns; those of a comprehension are its own."""
+    found = {node.id} if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else set()
+    if not isinstance(node, (ast.ListComp, ast.GeneratorExp)):
+        found.update(name for child in ast.iter_child_nodes(node) for name in stored_names(child))
+    return found
 
 
 def is_name(node: ast.AST, name: str) -> bool:

@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.block_bounds import HELPERS, MAX_TURNS, MAX_WORK
-from snr_sim.behaviors.block_checks import FUNCTIONS, BlockChecker, Found, Kind, Tree, is_name, part_of
+from snr_sim.behaviors.block_checks import FUNCTIONS, BlockChecker, Found, Kind, Tree, is_name, part_of, stored_names
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
 # A helper: its parameters, its expression, and the keys of the variables that it sees, by name.
@@ -161,10 +161,14 @@ class _Rewriter(ast.NodeTransformer):
         return self._comprehension(ast.ListComp(node.elt, node.generators))
 
     def _comprehension(self, node: ast.ListComp) -> ast.expr:
+        outer, own = self.variables, {name for one in node.generators for name in stored_names(one.target)}
         for one in node.generators:
             one.iter = self._turns(self.visit(one.iter))
+            # Its own names hide variables, as in Python: everywhere but where the first values come from.
+            self.variables = {key: place for key, place in outer.items() if key not in own}
             one.ifs = [self.visit(test) for test in one.ifs]
         node.elt = self.visit(node.elt)
+        self.variables = outer
         return _helper("_weighed", ast.Name("_m", ast.Load()), _helper("tuple", node))
 
     def _turns(self, iterable: ast.expr) -> ast.expr:

@@ -22,6 +22,8 @@ from snr_sim.prelude.task import Task
 
 READ_FUNCTIONS = frozenset({"read", "age_ms", "read_since_entry"})
 DRIVE_FUNCTIONS = frozenset({"start", "stop"})
+# Ages are differences of times, and rounded. A reading of the moment in which a state is entered is what caused it.
+SAME_MOMENT_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -211,9 +213,10 @@ class Part:
         return 1000.0 * self._owner.get_age_s(self._reads.page)
 
     def read_since_entry(self) -> Any:
-        """Return the newest value if it was made since the state was entered, otherwise None."""
+        """Return the newest value if it was made after the state was entered, otherwise None."""
         assert self._reads is not None
-        return self.read() if self._owner.get_age_s(self._reads.page) <= self._in_state_s() else None
+        is_new = self._owner.get_age_s(self._reads.page) < self._in_state_s() - SAME_MOMENT_S
+        return self.read() if is_new else None
 
     def start(self, value: float) -> None:
         """Command the part; the value is clamped to its limits."""

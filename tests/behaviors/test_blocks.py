@@ -84,6 +84,10 @@ def problems_of(text: str, kind: Any = "block", definitions: Any = None, *variab
         ("all(i < x for i in (1, 2))", True),
         ('f"{x:.2f} {y!r}"', "3.00 True"),
         ("[1, [2, 3]]", (1, (2, 3))),
+        ("any(x > 3 for x in (1, 2))", False),
+        ("[x for x in (x, 7) if x > 3], x", ((7,), 3)),
+        ("[(x, i) for i in (x,) for x in (i, 9)]", ((3, 3), (9, 3))),
+        ("[[x + y for y in (x, 1)] for x in (5, y)]", ((10, 6), (2, 2))),
         ("x is None or x is not None", True),
         ("'\\d'", "\\d"),
         ("(1, 2, 3)[1:]", (2, 3)),
@@ -168,6 +172,8 @@ def test_assignment_of_the_original_language_is_read_with_a_warning() -> None:
         ("", (7, 11), "The brackets are empty"),
         ("x = b'bytes'", (7, 15), "is not a number, text, True, False or None"),
         ("x = max(*x)", (7, 19), "'starred' cannot be used"),
+        ("x = [i for i in (1, 2)]; y = i", (7, 40), "There is no 'i' here"),
+        ("x = [i for i in i]", (7, 27), "There is no 'i' here"),
         ("print(x)", (7, 11), "'print' cannot be called"),
         ("x = near(1, 2)", (7, 15), "'near' takes 1 values, and is given 2"),
         ("x = int(x, base=2)", (7, 22), "'base=' cannot be used here"),
@@ -257,6 +263,39 @@ def random_expression(rng: random.Random, depth: int) -> str:
     if rng.random() < 0.4:
         return rng.choice(AROUND).format(random_expression(rng, depth - 1))
     return f"({random_expression(rng, depth - 1)}{rng.choice(JOINS)}{random_expression(rng, depth - 1)})"
+
+
+def plain_expression(rng: random.Random, names: str, depth: int) -> str:
+    """Return an expression whose value is an integer; its comprehensions hide names."""
+    if depth == 0 or rng.random() < 0.1:
+        return rng.choice([*names, str(rng.randrange(9))])
+
+    def one(more: str = "") -> str:
+        return plain_expression(rng, names + more, depth - 1)
+
+    how = rng.randrange(6)
+    if how == 0:
+        return f"({one()} {rng.choice(['+', '-', '*', '//', '%', 'and', 'or', '<', '==', '<<'])} {one()})"
+    if how == 1:
+        return f"({one()} if {one()} else {one()})"
+    if how == 2:
+        return f"{rng.choice(['max', 'min'])}({one()}, {one()})"
+    if how == 3:
+        return f"({one()}, {one()}, {one()})[{rng.randrange(3)}]"
+    name, inner = rng.choice("xyi"), rng.choice("xyj")
+    rows = f"for {name} in ({one()}, {one()}) if {one(name)} for {inner} in range(abs({one(name)}) % 3)"
+    return f"{rng.choice(['sum', 'any', 'len'])}([{one(name + inner)} {rows}])"
+
+
+@given(st.integers(0, 10**9), st.integers(-5, 5), st.integers(-5, 5))
+def test_value_of_an_expression_is_that_of_python(seed: int, x: int, y: int) -> None:
+    text = plain_expression(random.Random(seed), "xy", 3)
+    try:
+        due = eval(text, {"x": x, "y": y})
+    except (ArithmeticError, ValueError, NameError):
+        return
+    if abs(due) < 2**60:
+        assert run(text, "condition", x=x, y=y) == due
 
 
 def random_block(rng: random.Random) -> str:

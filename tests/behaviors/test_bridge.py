@@ -39,3 +39,25 @@ def test_robot_that_is_held_is_commanded_neutral_and_then_what_counts(words: lis
         seen |= {task.name: task.val_list[0].data for task in robot.take_tasks()}
         stored = {field: one for page in seen.values() for field, one in page.items()}
         assert stored == (dict(l=0.0, r=0.0, p=1) if is_held else commanded)
+
+
+class OnePage(FixedPages):
+    """One page, of some age. Implements Owner."""
+
+    def __init__(self) -> None:
+        super().__init__({"range": 7})
+        self.age_s = 0.0
+
+    def get_age_s(self, key: object) -> float:
+        return self.age_s
+
+
+@given(st.floats(0.0, 1e5), st.floats(2e-6, 100.0), st.booleans())
+def test_reading_of_the_entry_itself_is_not_since_the_entry(entered_s: float, later_s: float, is_after: bool) -> None:
+    """Also where the two differences of times are rounded differently."""
+    owner, now_s = OnePage(), entered_s + later_s
+    owner.age_s = now_s - (entered_s + later_s / 2.0 if is_after else entered_s)
+    in_state_s = (round(now_s * 1e9) - round(entered_s * 1e9)) / 1e9
+    robot = Robot(Bridge({"range": Read("range")}), owner, lambda: in_state_s)
+    if later_s > 4e-6 or not is_after:
+        assert robot.range.read_since_entry() == (7 if is_after else None)  # type: ignore[attr-defined]
