@@ -264,7 +264,9 @@ class Interpreter:
         while self._failed:
             machine = self._failed.pop()
             if machine.state is not None:
-                self._stop(machine)
+                self._stop(machine, "error")
+                if self.robot is not None:
+                    self.robot.stop()
 
     def _check_rules(self) -> None:
         """Note what must always hold and does not, once each time that it begins; find the states to pause in."""
@@ -278,8 +280,9 @@ class Interpreter:
             try:
                 is_true = holds is None or bool(holds(self.context))
             except Exception as error:
-                assert rule.condition is not None
-                self._report(self._running[0], rule.condition, error)
+                if self._fails:
+                    raise
+                self._add_problem(self._running[0], rule.place.line, rule.name, f"{type(error).__name__}: {error}")
                 continue
             line = rule.place.line
             if rule.kind == "break":
@@ -391,28 +394,20 @@ class Interpreter:
         )
         self._enter(machine, state)
 
-    def _stop(self, machine: BoundMachine) -> None:
-        """End a machine after an error in one of its blocks."""
-        state = machine.state
+    def _end(self, machine: BoundMachine) -> tuple[str, int]:
+        """Leave the state of a machine, which then does not run; return the state and the time in it [ns]."""
+        state, held_ns = machine.state, self.context.now_ns - machine.since_ns
         assert state is not None
-        held_ns = self.context.now_ns - machine.since_ns
         self._leave(machine, state, held_ns)
-        if self.robot is not None:
-            self.robot.stop()
         machine.state = None
         (self._running if machine.parent is None else machine.parent.running).remove(machine)
-        self._changes.append(
-            Change(
-                self.context.now_ns,
-                machine.path,
-                "stop",
-                "error",
-                state.name,
-                "",
-                held_ns,
-                machine.definition.place.line,
-            )
-        )
+        return state.name, held_ns
+
+    def _stop(self, machine: BoundMachine, cause: str) -> None:
+        """End a machine that goes on no more, because of an error in one of its blocks or because of an edit."""
+        name, held_ns = self._end(machine)
+        line = 0 if cause == "edit" else machine.definition.place.line
+        self._changes.append(Change(self.context.now_ns, machine.path, "stop", cause, name, "", held_ns, line))
 
     # -- blocks -------------------------------------------------------------------------------------------------------
 
@@ -499,21 +494,15 @@ class Interpreter:
         made = plan(self._running, new)
         gone = {path for one in made.stopped for path in (inner.path for inner in one.walk())}
         for machine in reversed(made.stopped):
-            self._stop_edited(machine)
-        for machine, _, _ in reversed(made.restarted):
-            assert machine.state is not None
-            self._leave(machine, machine.state, now_ns - machine.since_ns)
+            self._stop(machine, "edit")
+        left = {machine.path: self._end(machine) for machine, _, _ in reversed(made.restarted)}
         renamed = {before.path: after.path for before, after, _ in made.kept}
         notes = values_after(old, new, renamed)
         self._take_over(program, new, made)
         self._neutralise({part for path in gone for part in parts_of(old)[path]}, new)
         for before, machine, initial in made.restarted:
-            assert before.state is not None
-            line = machine.definition.place.line
-            held_ns = now_ns - before.since_ns
-            self._changes.append(
-                Change(now_ns, machine.path, "edit", "edit", before.state.name, initial, held_ns, line)
-            )
+            line, (source, held_ns) = machine.definition.place.line, left[before.path]
+            self._changes.append(Change(now_ns, machine.path, "edit", "edit", source, initial, held_ns, line))
             machine.state, machine.since_ns = machine.states[initial], now_ns
             self._enter(machine, machine.states[initial])
         for machine, initial in new.top:
@@ -530,15 +519,6 @@ class Interpreter:
             [*made.notes, *notes],
         )
         return edited, self._changes
-
-    def _stop_edited(self, machine: BoundMachine) -> None:
-        """End a machine that is not in the new program."""
-        state = machine.state
-        assert state is not None
-        now_ns = self.context.now_ns
-        held_ns = now_ns - machine.since_ns
-        self._leave(machine, state, held_ns)
-        self._changes.append(Change(now_ns, machine.path, "stop", "edit", state.name, "", held_ns, 0))
 
     def _take_over(self, program: Program, new: BoundProgram, made: Plan) -> None:
         """Continue in the same states of another program."""
