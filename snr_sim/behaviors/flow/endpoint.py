@@ -80,7 +80,8 @@ class FlowEndpoint(Endpoint):
     Events that it handles, besides those that its states wait for:
 
         <name>.preempt                 ends the active states, within the deadline; the outcome is "preempted"
-        <name>.goto [label, data]      leaves the active state, and enters another one; data are set before
+        <name>.goto [label, data]      leaves the active state, and enters another one; data are set before; no effect
+                                       while the flow is being preempted
         <name>.start [data]            begins again, once it has ended
     """
 
@@ -129,8 +130,9 @@ class FlowEndpoint(Endpoint):
         label, data = (*task.val_list, {})[:2] if task.val_list else ("", {})
         execution, step = self._execution, self._step()
         known = self._flow.entries
-        if not isinstance(label, str) or label not in known or not isinstance(data, dict) or execution is None:
-            why = "the flow has ended" if execution is None else suggest(str(label), known)
+        why = "the flow has ended" if execution is None else "it is being preempted" if execution.is_preempted else ""
+        if execution is None or why or not isinstance(label, str) or label not in known or not isinstance(data, dict):
+            why = why or suggest(str(label), known)
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {why}")
             return None
         execution.scope.data.update(data_copy(task.name, data))

@@ -45,7 +45,7 @@ class SequentialExecution:
         self._label = ""
         self._since_ns = 0
         self._child: Execution | None = None
-        self._is_preempted = False
+        self.is_preempted: bool = False
 
     def begin(self, step: Step) -> str | None:
         """Enter the first child."""
@@ -66,9 +66,9 @@ class SequentialExecution:
     def preempt(self, step: Step) -> str | None:
         """Preempt the active child; no other follows."""
         assert self._child is not None
-        if self._is_preempted:
+        if self.is_preempted:
             return None
-        self._is_preempted = True
+        self.is_preempted = True
         return self._follow(self._child.preempt(step), step)
 
     def close(self) -> None:
@@ -90,7 +90,7 @@ class SequentialExecution:
         for _ in range(self._max_moves):
             if outcome is None:
                 return None
-            chosen = PREEMPTED if self._is_preempted else self._choose(self._label, outcome)
+            chosen = PREEMPTED if self.is_preempted else self._choose(self._label, outcome)
             self._note(chosen if isinstance(chosen, str) else chosen.label, outcome, step)
             outcome = self._enter(chosen, step)
             if self._child is None:
