@@ -7,7 +7,8 @@ others --> events that are signals'                   `--> event "<name>.transit
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import Owner
 from snr_sim.behaviors.editing import Edited
 from snr_sim.behaviors.explain import Evaluations
+from snr_sim.behaviors.imports import files_named, texts_of
 from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
 from snr_sim.behaviors.language import parse
 from snr_sim.behaviors.program import Place, Problem, Program, ProgramError
@@ -135,7 +137,8 @@ class MachineEndpoint(Endpoint):
         <name>.edit [text, sha256, files]
                                     continues with another program in LRP; the digest, if given, is that of the program
                                     which was edited, and the edit is refused if it is another one by now; `files` are
-                                    the texts of the programs that it imports, if they are not those of before
+                                    the texts of the programs that it imports, if they are not those of before. Who
+                                    sends it should have parsed it: `parse` then answers from its memory
         <name>.edit_file [text, file]
                                     continues with another text of a file that is imported
 
@@ -157,10 +160,38 @@ class MachineEndpoint(Endpoint):
         self._transition = f"{name}.transition"
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
         self._last: Change | None = None
-        if factory.path is not None:
-            imported = {factory.path.parent / file: (f"{name}.edit_file", file) for file in factory.program.files}
-            self.watched_texts: Mapping[Path, tuple[str, ...]] = {factory.path: (f"{name}.edit",), **imported}
+        self._files: dict[str, str] = dict(factory.program.files)  # all that were given, also those not imported now
+        self._named_files: set[str] = set()  # that the texts import which were saved last, whether they exist or not
         self._set_handlers()
+
+    @property
+    def watched_files(self) -> Mapping[Path, Callable[[], SomeTasks]]:
+        """The program's file, and those that it imports or takes actions of."""
+        path, now = self.factory.path, self.interpreter.program
+        if path is None:
+            return {}
+        found: dict[Path, Callable[[], SomeTasks]] = {path.parent / one: self._saved_actions for one in now.actions}
+        return found | {path.parent / one: self._saved for one in (path.name, *now.files, *self._named_files)}
+
+    def _saved(self) -> Task:
+        """Return the edit by the files as they are. The watch parses it, and the node finds what was parsed."""
+        path = self.factory.path
+        assert path is not None
+
+        def read_text(name: str) -> str | None:
+            one = folder / name
+            return one.read_text("utf-8", "replace") if one.is_file() else None
+
+        folder, text = path.parent, path.read_text("utf-8", "replace")
+        files = texts_of(text, read_text)
+        self._named_files = {name for one in (text, *files.values()) for name in files_named(one)[0]}
+        with suppress(ProgramError):
+            self._parse(text, files)
+        return tasks.event(f"{self.name}.edit", [text, "", files])
+
+    def _saved_actions(self) -> Task:
+        text = "Functions of (actions ...) were saved: they count from the next start."
+        return self._edited([Problem(Place(), text, "start the run again.")])
 
     def _set_handlers(self) -> None:
         """Handle the signals of the present program, and what is always handled."""
@@ -248,7 +279,7 @@ class MachineEndpoint(Endpoint):
         """Continue with another text, if it is a program."""
         text, base, files = (*task.val_list, *("", "", None)[len(task.val_list) :])[:3]
         now = self.interpreter.program
-        files = now.files if files is None else files
+        files = self._files if files is None else files
         if not isinstance(text, str) or not isinstance(base, str) or not _are_texts(files):
             return self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])
         if base not in ("", now.sha256):
@@ -266,16 +297,20 @@ class MachineEndpoint(Endpoint):
         return self._continue_with(now.text, {**now.files, file: text})
 
     def _continue_with(self, text: str, files: Mapping[str, str]) -> SomeTasks:
-        bridge = self.factory.bridge
         try:
-            program = parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
+            program = self._parse(text, files)
         except ProgramError as error:
             return self._edited(error.problems)
+        self._files |= files
         edited, changes = self.interpreter.edit(program, self._now_ns())
         self.program_number += 1
         self._set_handlers()
         changed = self._results(changes, has_changed=True)
         return [*changed, self._edited(list(program.warnings), edited)]
+
+    def _parse(self, text: str, files: Mapping[str, str]) -> Program:
+        bridge = self.factory.bridge
+        return parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
 
     def _edited(self, problems: Sequence[Problem], edited: Edited | None = None, **more: Any) -> Task:
         """Return the task that stores the answer to an edit; log what was refused."""

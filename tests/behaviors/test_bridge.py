@@ -10,7 +10,11 @@ from snr_sim.behaviors import Bridge, Drive, FixedPages, Read
 from snr_sim.behaviors.bridge import Robot
 from snr_sim.prelude.errors import ConfigError
 
-DRIVES = {"left": Drive("motors", "l", -9, 9), "right": Drive("motors", "r", -9, 9), "lamp": Drive("lamp", "p", 0, 9, 1)}
+DRIVES = {
+    "left": Drive("motors", "l", -9, 9),
+    "right": Drive("motors", "r", -9, 9),
+    "lamp": Drive("lamp", "p", 0, 9, 1),
+}
 NEUTRAL = {"motors": {"l": 0.0, "r": 0.0}, "lamp": {"p": 1}}
 
 

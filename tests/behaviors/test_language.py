@@ -206,7 +206,12 @@ def changed(old: str, new: str) -> str:
         (changed("(event press)", "(event press)(event press)"), 9, 23, "There are two events 'press' here."),
         (changed("(var twice", "(var bright"), 4, 6, "'bright' is declared twice here."),
         (changed("(var twice", "(var tw-ice"), 4, 6, "'tw-ice' cannot be used in Python."),
-        (changed("(var twice", "(var class"), 4, 6, "'class' has a meaning in Python or in blocks. rename it: class_1."),
+        (
+            changed("(var twice", "(var class"),
+            4,
+            6,
+            "'class' has a meaning in Python or in blocks. rename it: class_1.",
+        ),
         (changed("(def near limit", "(def near limit limit"), 5, 17, "'limit' is declared twice here. rename one."),
         (changed("(def near limit", "(def near robot"), 5, 11, "'robot' has a meaning in Python or in blocks."),
         (changed("(def near", "(def random"), 5, 6, "'random' has a meaning in Python or in blocks."),

@@ -107,7 +107,9 @@ def test_edit_while_it_is_paused_is_taken_and_moves_nothing() -> None:
 
 
 RISEN = DIVER.replace("(state rising", "(state risen").replace("-> rising", "-> risen").replace("rising ->", "risen ->")
-RISEN = RISEN.replace("[robot.up.start(push)]", "[robot.up.start(33)]").replace("(spawn diver sinking)", "(spawn diver risen)")
+RISEN = RISEN.replace("[robot.up.start(push)]", "[robot.up.start(33)]").replace(
+    "(spawn diver sinking)", "(spawn diver risen)"
+)
 
 
 def test_edit_that_moves_a_paused_machine_commands_the_robot_when_it_goes() -> None:
@@ -191,5 +193,5 @@ def test_saved_file_is_an_edit(tmp_path: Path) -> None:
 def test_factory_without_a_file_watches_none() -> None:
     node = run()
     component: Any = node.components["diver"]
-    assert component.watched_texts == {}
+    assert component.watched_files == {}
     assert MachineFactory(parse(DIVER, BRIDGE.parts)).path is None
