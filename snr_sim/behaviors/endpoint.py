@@ -137,8 +137,8 @@ class MachineEndpoint(Endpoint):
         <name>.edit [text, sha256, files]
                                     continues with another program in LRP; the digest, if given, is that of the program
                                     which was edited, and the edit is refused if it is another one by now; `files` are
-                                    the texts of the programs that it imports, if they are not those of before. Who
-                                    sends it should have parsed it: `parse` then answers from its memory
+                                    the texts of the programs that it imports, if they are not those of before. The
+                                    sender should parse it before: then `parse` answers from its memory here
         <name>.edit_file [text, file]
                                     continues with another text of a file that is imported
 

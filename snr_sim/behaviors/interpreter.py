@@ -404,7 +404,7 @@ class Interpreter:
         return state.name, held_ns
 
     def _stop(self, machine: BoundMachine, cause: str) -> None:
-        """End a machine that goes on no more, because of an error in one of its blocks or because of an edit."""
+        """End a machine, because of an error in one of its blocks or because of an edit."""
         name, held_ns = self._end(machine)
         line = 0 if cause == "edit" else machine.definition.place.line
         self._changes.append(Change(self.context.now_ns, machine.path, "stop", cause, name, "", held_ns, line))

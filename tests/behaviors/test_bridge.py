@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,7 +17,7 @@ DRIVES = {
     "right": Drive("motors", "r", -9, 9),
     "lamp": Drive("lamp", "p", 0, 9, 1),
 }
-NEUTRAL = {"motors": {"l": 0.0, "r": 0.0}, "lamp": {"p": 1}}
+NEUTRAL = {"l": 0.0, "r": 0.0, "p": 1.0}
 
 
 @pytest.mark.parametrize("name", ["stop", "class", "command", "take_tasks", "_x", "a-b", ""])
@@ -24,10 +26,14 @@ def test_part_with_a_name_of_python_or_of_robot_is_refused(name: str) -> None:
         Bridge({name: Read("range")})
 
 
+def fields(tasks: list[Any]) -> dict[str, float]:
+    return {field: value for task in tasks for field, value in task.val_list[0].data.items()}
+
+
 @given(st.lists(st.tuples(st.sampled_from([*DRIVES, "hold", "release", "undo"]), st.integers(0, 9))))
 def test_robot_that_is_held_is_commanded_neutral_and_then_what_counts(words: list[tuple[str, int]]) -> None:
     robot = Robot(Bridge({}, DRIVES), FixedPages({}), lambda: 0.0)
-    commanded, seen, is_held = dict(l=0.0, r=0.0, p=1.0), dict(NEUTRAL), False
+    commanded, stored, is_held = dict(NEUTRAL), dict(NEUTRAL), False
     mark = robot.mark(), dict(commanded)
     for word, value in words:
         if word in DRIVES:
@@ -38,11 +44,10 @@ def test_robot_that_is_held_is_commanded_neutral_and_then_what_counts(words: lis
             commanded = dict(mark[1])
         else:
             is_held = word == "hold"
-            seen |= {task.name: task.val_list[0].data for task in robot.hold(is_held=is_held)}
+            stored |= fields(robot.hold(is_held=is_held))
         mark = robot.mark(), dict(commanded)
-        seen |= {task.name: task.val_list[0].data for task in robot.take_tasks()}
-        stored = {field: one for page in seen.values() for field, one in page.items()}
-        assert stored == (dict(l=0.0, r=0.0, p=1) if is_held else commanded)
+        stored |= fields(robot.take_tasks())
+        assert stored == (NEUTRAL if is_held else commanded)
 
 
 class OnePage(FixedPages):

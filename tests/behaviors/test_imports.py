@@ -13,6 +13,7 @@ from snr_sim.behaviors import (
     Drive,
     Interpreter,
     MachineFactory,
+    Program,
     ProgramError,
     Read,
     action,
