@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
-from snr_sim.behaviors.block_bounds import HELPERS, MAX_TURNS, MAX_WORK
+from snr_sim.behaviors.block_bounds import HELPERS, MAX_CODE, MIN_WORK
 from snr_sim.behaviors.block_checks import FUNCTIONS, BlockChecker, Found, Kind, Tree, is_name, part_of, stored_names
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
@@ -99,7 +99,16 @@ def _compile(
     if tree is None or checker.has_errors:
         return _Compiled(None, tuple(checker.problems))
     drives = frozenset(part for part, verb in checker.called if verb in ("start", "stop"))
-    return _Compiled(_make(tree, dict(variables), definitions, dict(actions)), tuple(checker.problems), drives)
+    make = _make(tree, dict(variables), definitions, dict(actions))
+    if make is None:
+        large = 0, column, 0, column, "The block and the helpers that it calls are too large.", "simplify them.", True
+        return _Compiled(None, (*checker.problems, large))
+    return _Compiled(make, tuple(checker.problems), drives)
+
+
+_HELPER_OF: dict[type[ast.operator], str] = {
+    ast.Mult: "_multiply", ast.Pow: "_power", ast.LShift: "_shift", ast.Mod: "_modulo",
+}  # fmt: skip
 
 
 class _Rewriter(ast.NodeTransformer):
@@ -111,10 +120,12 @@ class _Rewriter(ast.NodeTransformer):
         definitions: frozenset[str],
         places: dict[str, str],
         actions: Container[str],
+        costs: Mapping[str, int],
     ) -> None:
         self.variables, self.definitions, self.actions = variables, definitions, actions
         self.places = places  # name of the index of each variable that is used, by key
         self.calls: set[tuple[str, str]] = set()  # functions of parts that are used
+        self.costs = costs  # of the code of each helper
         self.is_counting = False
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
@@ -145,7 +156,8 @@ class _Rewriter(ast.NodeTransformer):
         return value
 
     def visit_For(self, node: ast.For) -> ast.AST:
-        node.iter = self._turns(self.visit(node.iter))
+        cost = sum(cost_of(one, self.costs) for one in node.body)
+        node.iter = self._turns(cost, self.visit(node.iter))
         inner = ast.Name("_each", ast.Store()) if _names_any(node.target, self.variables) else None
         if inner is not None:  # a program's variable is assigned as in an assignment
             first = ast.Assign([node.target], ast.Name("_each", ast.Load()))
@@ -161,74 +173,59 @@ class _Rewriter(ast.NodeTransformer):
         return self._comprehension(ast.ListComp(node.elt, node.generators))
 
     def _comprehension(self, node: ast.ListComp) -> ast.expr:
+        cost = cost_of(node, self.costs)
         outer, own = self.variables, {name for one in node.generators for name in stored_names(one.target)}
         for one in node.generators:
-            one.iter = self._turns(self.visit(one.iter))
+            one.iter = self._turns(cost, self.visit(one.iter))
             # Its own names hide variables, as in Python: everywhere but where the first values come from.
             self.variables = {key: place for key, place in outer.items() if key not in own}
             one.ifs = [self.visit(test) for test in one.ifs]
         node.elt = self.visit(node.elt)
         self.variables = outer
-        return _helper("_weighed", ast.Name("_m", ast.Load()), _helper("tuple", node))
+        return self._counting("_made", _helper("tuple", node))
 
-    def _turns(self, iterable: ast.expr) -> ast.expr:
+    def _turns(self, cost: int, iterable: ast.expr) -> ast.expr:
+        return self._counting("_turns", ast.Constant(cost), iterable)
+
+    def _counting(self, name: str, *arguments: ast.expr) -> ast.expr:
         self.is_counting = True
-        return _helper("_turns", ast.Name("_m", ast.Load()), iterable)
+        return _helper(name, ast.Name("_m", ast.Load()), *arguments)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        left, right = self.visit(node.left), self.visit(node.right)
-        name = {ast.Mult: "_multiply", ast.Pow: "_power", ast.LShift: "_shift", ast.Add: "_add", ast.Mod: "_modulo"}
-        used = name.get(type(node.op))
-        is_plain = type(node.op) in (ast.Mult, ast.Mod) and any(
-            isinstance(one, ast.Constant) and type(one.value) is float for one in (node.left, node.right)
-        )
-        if type(node.op) is ast.Add:  # a number and anything else than a number cannot be added
-            is_plain = any(
-                isinstance(one, ast.Constant) and type(one.value) in (int, float) for one in (node.left, node.right)
-            )
-        if used is None or is_plain:
-            return ast.BinOp(left, node.op, right)
-        self.is_counting = True
-        return _helper(used, ast.Name("_m", ast.Load()), left, right)
+        left, right, kind = self.visit(node.left), self.visit(node.right), type(node.op)
+        made = ast.BinOp(left, node.op, right)
+        constants = [type(one.value) for one in (node.left, node.right) if isinstance(one, ast.Constant)]
+        if kind in _HELPER_OF and float not in constants:
+            return self._counting(_HELPER_OF[kind], left, right)
+        # Of a number and anything else than a number there is no sum.
+        return made if kind is not ast.Add or float in constants or int in constants else self._counting("_made", made)
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
-        simple = (ast.Constant, ast.Call)
-        left, right = self.visit(node.left), [self.visit(one) for one in node.comparators]
-        if any(isinstance(one, simple) and _is_number_or_reading(one) for one in (node.left, *node.comparators)):
-            return ast.Compare(left, node.ops, right)
-        self.is_counting = True
-        return ast.Compare(self._sized(left), node.ops, [self._sized(one) for one in right])
-
-    def _sized(self, value: ast.expr) -> ast.expr:
-        return _helper("_sized", ast.Name("_m", ast.Load()), value)
+        values = [node.left, *node.comparators]
+        is_search = any(isinstance(one, (ast.In, ast.NotIn)) for one in node.ops)
+        is_plain = not is_search and any(_is_number_or_reading(one) for one in values)
+        left, *right = (
+            one if is_plain else self._counting("_looked_at", one) for one in [self.visit(one) for one in values]
+        )
+        return ast.Compare(left, node.ops, right)
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
-        value, index = self.visit(node.value), self.visit(node.slice)
-        made = ast.Subscript(value, index, node.ctx)
-        if not isinstance(node.slice, ast.Slice):
-            return made
-        self.is_counting = True
-        return self._sized(made)
+        made = ast.Subscript(self.visit(node.value), self.visit(node.slice), node.ctx)
+        return self._counting("_made", made) if isinstance(node.slice, ast.Slice) else made
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.expr:
-        self.is_counting = True
-        made = [
-            ast.FormattedValue(self._sized(self.visit(one.value)), one.conversion, one.format_spec)
-            if isinstance(one, ast.FormattedValue)
-            else one
-            for one in node.values
-        ]
-        return self._sized(ast.JoinedStr(made))
+        for one in node.values:
+            if isinstance(one, ast.FormattedValue):
+                one.value = self._counting("_looked_at", self.visit(one.value))
+        return self._counting("_made", node)
 
     def visit_List(self, node: ast.List) -> ast.expr:
         return self.visit_Tuple(ast.Tuple(node.elts, node.ctx))
 
     def visit_Tuple(self, node: ast.Tuple) -> ast.expr:
         made = ast.Tuple([self.visit(one) for one in node.elts], node.ctx)
-        if not isinstance(node.ctx, ast.Load) or not node.elts:
-            return made
-        self.is_counting = True
-        return _helper("_weighed", ast.Name("_m", ast.Load()), made)
+        is_made = isinstance(node.ctx, ast.Load) and not all(isinstance(one, ast.Constant) for one in node.elts)
+        return self._counting("_made", made) if is_made else made
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         arguments = [self.visit(one) for one in node.args]
@@ -241,19 +238,30 @@ class _Rewriter(ast.NodeTransformer):
                 return ast.Call(ast.Name(f"_{part[0]}_{part[1]}", ast.Load()), arguments, [])
             if is_name(function.value, "robot"):
                 return ast.Call(ast.Attribute(ast.Name("_robot", ast.Load()), "stop", ast.Load()), arguments, [])
+            if function.attr == "dist":
+                arguments = [self._counting("_looked_at", one) for one in arguments]
             return ast.Call(function, arguments, [])
         assert isinstance(function, ast.Name)
-        if function.id in ("random", "log"):
+        if function.id == "random":
             return ast.Call(_attribute(function.id), arguments, [])
+        if function.id == "log":
+            return ast.Call(_attribute(function.id), [self._counting("_looked_at", one) for one in arguments], [])
         if function.id in self.definitions:
             return _helper(f"_def_{function.id}", ast.Name("_m", ast.Load()), *arguments)
         if function.id in self.actions:
             return _helper(f"_act_{function.id}", *arguments)
-        if function.id in ("abs", "bool", "float", "len"):  # take no longer for what is large
+        if function.id in ("abs", "bool", "len"):  # take no longer for what is large
             return ast.Call(function, arguments, [])
-        self.is_counting = True
-        called = ast.Name(function.id, ast.Load())
-        return ast.Call(ast.Name("_counted", ast.Load()), [ast.Name("_m", ast.Load()), called, *arguments], keywords)
+        made = self._counting("_counted", ast.Name(function.id, ast.Load()), *arguments)
+        assert isinstance(made, ast.Call)
+        made.keywords = keywords
+        return made
+
+
+def cost_of(node: ast.AST, costs: Mapping[str, int]) -> int:
+    """Return the size of a piece of code, with that of the helpers that it calls."""
+    own = [one for one in ast.walk(node) if isinstance(one, (ast.expr, ast.stmt))]
+    return sum(4 * isinstance(one, ast.Call) + costs.get(getattr(one, "id", ""), 1) for one in own)
 
 
 def _attribute(name: str) -> ast.expr:
@@ -279,11 +287,19 @@ def _make(
     variables: Mapping[str, str],
     definitions: tuple[tuple[str, Definition], ...],
     actions: Mapping[str, Callable[..., Any]],
-) -> Callable[[Bindings], Callable[[Any], Any]]:
-    """Return what binds a block to its place: `make(_v, _robot, indices)` returns the function of the context `_m`."""
+) -> Callable[[Bindings], Callable[[Any], Any]] | None:
+    """Return what binds a block to its place: `make(_v, _robot, indices)` returns the function of the context `_m`.
+
+    None if its code is too large: helpers that call helpers grow quickly.
+    """
     names = frozenset(name for name, _ in definitions)
     places = dict[str, str]()
-    rewriter = _Rewriter(variables, names, places, actions)
+    costs = dict[str, int]()
+    for name, (_, text, _) in definitions:  # each may call those before it
+        costs[name] = cost_of(ast.parse(f"({text}\n)", mode="eval"), costs)
+    if cost_of(tree, costs) > MAX_CODE:
+        return None
+    rewriter = _Rewriter(variables, names, places, actions, costs)
     used = _called(tree, names)
     body: list[ast.stmt]
     if isinstance(tree, ast.Expression):
@@ -295,13 +311,13 @@ def _make(
         if name in used:
             expression = ast.parse(f"({text}\n)", mode="eval").body
             used |= _called(expression, names)
-            inner = _Rewriter({key: place for key, place in seen if key not in given}, names, places, actions)
+            inner = _Rewriter({key: place for key, place in seen if key not in given}, names, places, actions, costs)
             made = ast.Return(inner.visit(expression))
             helpers.insert(0, _function(f"_def_{name}", ["_m", *given], [made]))
             rewriter.calls |= inner.calls
             rewriter.is_counting = rewriter.is_counting or inner.is_counting
     if rewriter.is_counting:
-        body = [*ast.parse(f"_m.turns = {MAX_TURNS}; _m.work = {MAX_WORK}").body, *body]
+        body = [*ast.parse(f"if _m.work < {MIN_WORK}: _m.work = {MIN_WORK}").body, *body]
     prepared = [ast.parse(f"_{part}_{verb} = _robot.{part}.{verb}").body[0] for part, verb in sorted(rewriter.calls)]
     block = _function("block", ["_m"], body)
     result = ast.Return(ast.Name("block", ast.Load()))

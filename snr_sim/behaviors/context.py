@@ -10,8 +10,7 @@ from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
 
-MAX_TEXT = 65_536  # characters of a variable
-MAX_ELEMENTS = 1000  # of a variable, at all depths
+MAX_SIZE = 1000  # elements of a value at all depths; four characters of a text count as one
 MAX_DEPTH = 20  # of tuples in tuples
 _INT64 = 2**63
 
@@ -100,32 +99,45 @@ def plain_value(name: str, value: Any) -> Any:
         return value
     if kind is int and -_INT64 <= value < _INT64:
         return value
-    if kind is str and len(value) <= MAX_TEXT:
-        return value
-    if kind in (list, tuple):
-        return _plain_tuple(name, value, [0], MAX_DEPTH)
-    raise ParameterError(
-        f"The variable '{name}' cannot be {_short(value)}.",
-        fix=f"numbers of 64 bits, text of {MAX_TEXT} characters, True, False, None, or tuples of these.",
-    )
-
-
-def _plain_tuple(name: str, values: Any, count: list[int], depth: int) -> tuple[Any, ...]:
-    count[0] += len(values)
-    if count[0] > MAX_ELEMENTS or depth == 0:
+    if kind in (str, list, tuple):
+        if size_of(value) <= MAX_SIZE:
+            return value if kind is str else _plain_tuple(name, value, MAX_DEPTH)
         raise ParameterError(
-            f"The variable '{name}' has more than {MAX_ELEMENTS} elements, or more than {MAX_DEPTH} levels.",
+            f"The variable '{name}' has more than {MAX_SIZE} elements, or {4 * MAX_SIZE} characters.",
             fix="keep long data in a page.",
         )
-    return tuple(
-        _plain_tuple(name, one, count, depth - 1) if type(one) in (list, tuple) else plain_value(name, one)
-        for one in values
+    raise ParameterError(
+        f"The variable '{name}' cannot be {_short(value)}.",
+        fix="numbers of 64 bits, text, True, False, None, or tuples of these.",
     )
+
+
+def _plain_tuple(name: str, values: Any, depth: int) -> tuple[Any, ...]:
+    if depth == 0:
+        raise ParameterError(
+            f"The variable '{name}' has more than {MAX_DEPTH} levels.", fix="keep long data in a page."
+        )
+    return tuple(
+        _plain_tuple(name, one, depth - 1) if type(one) in (list, tuple) else plain_value(name, one) for one in values
+    )
+
+
+def size_of(value: Any) -> int:
+    """Return the number of elements of a value at all depths; of a large one, some number above `MAX_SIZE`."""
+    if type(value) is str:
+        return len(value) // 4
+    count, inside = 0, [value] if type(value) in (tuple, list) else []
+    while inside and count <= MAX_SIZE:
+        one = inside.pop()
+        count += len(one)
+        for child in one:
+            kind = type(child)
+            if kind is str:
+                count += len(child) // 4
+            elif kind is tuple or kind is list:
+                inside.append(child)
+    return count
 
 
 def _short(value: Any) -> str:
-    if type(value) is int:
-        return "an integer of more than 64 bits"
-    if type(value) is str:
-        return f"text of {len(value)} characters"
-    return f"a {type(value).__name__}"
+    return "an integer of more than 64 bits" if type(value) is int else f"a {type(value).__name__}"

@@ -142,10 +142,13 @@ def parts_of(block: Block | None, bindings: Bindings) -> list[tuple[str, Callabl
 
 
 def _value(part: Callable[[Any], Any], context: Any) -> str:
+    work = context.work
     try:
         value = part(context)
     except Exception as error:
         return f"{type(error).__name__}: {error}"[:MAX_VALUE]
+    finally:
+        context.work = work  # what is looked at takes nothing from the blocks of the step
     shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return shown if len(shown) <= MAX_VALUE else shown[: MAX_VALUE - 3] + "..."
 

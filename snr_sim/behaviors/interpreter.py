@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from snr_sim.behaviors.block_bounds import MAX_WORK
 from snr_sim.behaviors.bound import BoundBlock, BoundMachine, BoundProgram, BoundState, BoundTransition
 from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
@@ -98,8 +99,7 @@ class MachineContext:
         self.machine: Any = None  # the one whose block is executed
         self.now_ns: int = 0
         self.signal: Sequence[Any] = ()
-        self.turns: int = 0  # of loops, and work, that the block which is executed may still do: see `blocks.py`
-        self.work: int = 0
+        self.work: int = MAX_WORK  # that blocks may still do in this step: see `block_bounds.py`
         self.logged: list[str] = []  # in this step
 
     def data(self, key: DataKey) -> Any:
@@ -249,6 +249,7 @@ class Interpreter:
         context = self.context
         context.now_ns = now_ns
         context.signal = values
+        context.work = MAX_WORK
         self._changes = []
         self._is_answered = False
         if context.logged:

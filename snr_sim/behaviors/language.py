@@ -33,6 +33,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
+from snr_sim.behaviors.block_bounds import MAX_WORK
 from snr_sim.behaviors.block_checks import RESERVED
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block
 from snr_sim.behaviors.checks import problems_of
@@ -166,12 +167,14 @@ class _Others:
         actions: functions by file and name.
         used: names of the files that have been read, with what their top names.
         inside: those that are being read, the outermost first.
+        start: the context of all initialisers.
     """
 
     files: Mapping[str, str]
     actions: Actions
     used: dict[str, _Names] = field(default_factory=dict)
     inside: list[str] = field(default_factory=list)
+    start: _Start = field(default_factory=lambda: _Start())
 
 
 class _FormError(Exception):
@@ -359,7 +362,7 @@ class _Language:
         keys = list(names.values)
         bindings = Bindings([names.values[key] for key in keys], {key: i for i, key in enumerate(keys)})
         try:
-            return plain_value(name, block.bind(bindings)(_Start()))
+            return plain_value(name, block.bind(bindings)(self._others.start))
         except Exception as error:
             raise self._failed(code.place, f"{type(error).__name__}: {error}", "") from error
 
@@ -651,8 +654,7 @@ class _Language:
 class _Start:
     """The context of initialisers: there is no time yet, and no signal."""
 
-    now_ns, in_state_ms, signal = 0, 0.0, ()
-    turns = work = 0
+    now_ns, in_state_ms, signal, work = 0, 0.0, (), MAX_WORK
 
     def random(self) -> float:
         raise ParameterError("An initialiser cannot draw random numbers.", fix="draw them in (onentry [...]).")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import resource
 import time
@@ -12,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.behaviors.block_bounds import BlockError
+from snr_sim.behaviors import Interpreter, ProgramError, parse
+from snr_sim.behaviors.block_bounds import MAX_WORK, BlockError
 from snr_sim.behaviors.blocks import Scope, compile_block
 from snr_sim.behaviors.program import Bindings, Place
 
@@ -29,7 +31,7 @@ class Context(SimpleNamespace):
 
 
 def context() -> Context:
-    return Context(now_ns=2_500_000, in_state_ms=12.5, signal=(1, "two"), turns=0, work=0, logged=[])
+    return Context(now_ns=2_500_000, in_state_ms=12.5, signal=(1, "two"), work=MAX_WORK, logged=[])
 
 
 def scope(variables: Any, definitions: Any = None) -> Scope:
@@ -236,6 +238,67 @@ def test_hostile_block_ends_at_once(text: str) -> None:
     assert isinstance(caught.value, (BlockError, ValueError, OverflowError, RecursionError, Exception))
 
 
+# What each of them works on is as large as it may be.
+LARGE = """t = tuple(range(900)); s = 'abcdefgh' * 400; b = 7 ** 300; c = str(b)
+u = [(i, i + 1) for i in range(300)]; f = [i * 1.1 for i in range(180)]
+"""
+OPERATIONS = [
+    "9000 in t", "'z' in s", "t == tuple(range(900))", "t < t", "sorted(u)", "sorted(f)", "str(f)", "str(u)",
+    "sum(range(10000))", "max(range(10000))", "1.5 in range(10000)", "b * b", "b // 3", "b % (b - 1)", "str(b)",
+    "b ** 1", "float(s)", "float(c)", "int(c)", "f'{f}'", "f'{f!r:.1}'", "t[1:]", "s[1:]", "t + t", "s + s", "u * 1", "s * 1",
+    "round(b, -99)", "round(1.5, 99)", "math.dist(t, t)", "math.hypot(1.5, 2.5)", "abs(b)", "divmod(b, b - 1)",
+    "tuple(zip(t, t))", "max(zip(t, t))", "tuple(enumerate(t))", "tuple(reversed(t))", "any(t)", "all(t)", "max(s)",
+    "[i for i in t]", "sum(i for i in t)", "s == s + ''", "(t, u)", "[[1, 2], [3, x]]", "log(s)", "robot.stop()",
+    "robot.range.read()", "x + 1", "x * x", "x << 900", "x ** 2", "x if x else 3", "-x", "len(t)", "random()", "b == b",
+    "f'{x:1000}'", "f'{s:1000}'", "max(f, default=3)", "2.5 ** x", "x in (1, 2, 3)", "tuple(s)", "sorted(s)", "(x, x)",
+    "int('9' * 300)", "t[x]", "now_ms", "b >> 3", "b - b",
+]  # fmt: skip
+
+
+def time_hostile(operation: str, form: str) -> None:
+    many = [operation] * ((3700 - len(LARGE)) // (len(operation) + 2))
+    each, loop = "; ".join(many), "for i in range(10000): "
+    code = {"once": f"{loop}y = {operation}", "many": loop + each, "tuple": f"{loop}y = {', '.join(many[:300])}"}[form]
+    block, problems = compile_block(LARGE + code, HERE, "block", scope({"x": 1}))
+    assert block is not None, problems
+    robot = SimpleNamespace(range=SimpleNamespace(read=lambda: 42.0), stop=lambda: None)
+    bound, m = block.bind(Bindings([1], {"x": 0}, robot)), context()
+    began_s = time.process_time()
+    with contextlib.suppress(BlockError, ArithmeticError, TypeError, ValueError):
+        bound(m)
+    assert time.process_time() - began_s < 0.2, code[:80]  # 50 ms, on a machine that does other work
+
+
+@given(st.sampled_from(OPERATIONS), st.sampled_from(["once", "many", "tuple"]))
+def test_operation_on_large_values_in_a_loop_ends_at_once(operation: str, form: str) -> None:
+    time_hostile(operation, form)
+
+
+@pytest.mark.slow
+def test_every_operation_on_large_values_in_a_loop_ends_at_once() -> None:
+    for operation in OPERATIONS:
+        for form in ("once", "many", "tuple"):
+            time_hostile(operation, form)
+
+
+def test_all_blocks_of_a_step_share_their_work_and_small_ones_have_some() -> None:
+    greedy = "\n(running [for i in range(10000): x = sum(range(1000))])" * 300
+    text = f"(var x := [0])(machine m (state a {greedy} (running [x = max(x, -1) + 7])))(spawn m a)"
+    interpreter = Interpreter(parse(text))
+    interpreter.spawn(0)
+    began_s = time.process_time()
+    interpreter.step(1)
+    assert time.process_time() - began_s < 0.2
+    assert interpreter.variables == {"x": 7}
+    assert "compute too much" in next(iter(interpreter.problems.values())).message
+
+
+def test_helpers_that_multiply_what_they_call_are_refused() -> None:
+    levels = "".join(f"(def f{i} [{' + '.join([f'f{i - 1}()'] * 30)}])" for i in range(1, 9))
+    with pytest.raises(ProgramError, match="the helpers that it calls are too large"):
+        parse(f"(def f0 [1]){levels}(machine m (state a (running [log(f8())])))(spawn m a)")
+
+
 NAMES = ["x", "y", "robot.range.read()", "now_ms", "math.pi", "3", "-0.5", "'ab'", "(1, 2)", "None", "True", "signal"]
 JOINS = [
     " + ",
@@ -254,7 +317,21 @@ JOINS = [
     " in ",
     ", ",
 ]
-AROUND = ["str({})", "len({})", "[{}]", "({})", "max({})", "tuple({})", "-{}", "not {}", "{}[0]", "{}[:]", "int({})"]
+AROUND = [
+    "[{} for x in (y, 1)]",
+    "any(y for y in ({},) if x)",
+    "str({})",
+    "len({})",
+    "[{}]",
+    "({})",
+    "max({})",
+    "tuple({})",
+    "-{}",
+    "not {}",
+    "{}[0]",
+    "{}[:]",
+    "int({})",
+]
 
 
 def random_expression(rng: random.Random, depth: int) -> str:
