@@ -18,8 +18,32 @@ from snr_sim.behaviors.block_bounds import HELPERS, MAX_CODE, MIN_WORK
 from snr_sim.behaviors.block_checks import FUNCTIONS, BlockChecker, Found, Kind, Tree, is_name, part_of, stored_names
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
-# A helper: its parameters, its expression, and the keys of the variables that it sees, by name.
-Definition: TypeAlias = tuple[tuple[str, ...], str, tuple[tuple[str, str], ...]]
+Actions: TypeAlias = tuple[tuple[str, Callable[..., Any]], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """A helper, with what its expression may name: keys of variables, helpers, and actions, by name."""
+
+    parameters: tuple[str, ...]
+    text: str
+    variables: tuple[tuple[str, str], ...]
+    definitions: tuple[tuple[str, Definition], ...]
+    actions: Actions
+    cost: int  # of its code, and that of the helpers which it calls
+
+
+@lru_cache(maxsize=4096)
+def define(
+    parameters: tuple[str, ...],
+    text: str,
+    variables: tuple[tuple[str, str], ...],
+    definitions: tuple[tuple[str, Definition], ...],
+    actions: Actions = (),
+) -> Definition:
+    """Return a helper. Equal ones are one object: so a block that calls it is not compiled again after an edit."""
+    cost = cost_of(_expression(text), {name: one.cost for name, one in definitions})
+    return Definition(parameters, text, variables, definitions, actions, cost)
 
 
 @dataclass(frozen=True)
@@ -28,7 +52,7 @@ class Scope:
 
     Args:
         variables: of the program, as seen from the block: the key of each by its name.
-        definitions: helpers by name; each may call those before it.
+        definitions: helpers by name.
         parts: of the robot: names of the functions of each; None if any part may be named.
         actions: functions of a Python file, by name.
     """
@@ -63,7 +87,7 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
 def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
     """Return the parts of an expression whose values explain it, each once: calls, variables, what is compared."""
     found: dict[str, None] = {}
-    left: list[ast.AST] = [ast.parse(f"({text}\n)", mode="eval").body]
+    left: list[ast.AST] = [_expression(text)]
     while left:
         node = left.pop(0)
         if isinstance(node, (ast.BoolOp, ast.Compare, ast.UnaryOp, ast.BinOp, ast.IfExp)):
@@ -89,21 +113,20 @@ def _compile(
     variables: tuple[tuple[str, str], ...],
     definitions: tuple[tuple[str, Definition], ...],
     parts: tuple[tuple[str, tuple[str, ...]], ...] | None,
-    actions: tuple[tuple[str, Callable[..., Any]], ...],
+    actions: Actions,
 ) -> _Compiled:
     """Compile a text once for all places where it means the same; lines of problems count from its first one."""
-    arguments = {name: given for name, (given, _, _) in definitions}
+    arguments = {name: one.parameters for name, one in definitions}
     known = None if parts is None else {name: set(verbs) for name, verbs in parts}
     checker = BlockChecker(frozenset(dict(variables)), arguments, known, frozenset(dict(actions)))
     tree = checker.parse(text, column, kind)
     if tree is None or checker.has_errors:
         return _Compiled(None, tuple(checker.problems))
     drives = frozenset(part for part, verb in checker.called if verb in ("start", "stop"))
-    make = _make(tree, dict(variables), definitions, dict(actions))
-    if make is None:
+    if cost_of(tree, {name: one.cost for name, one in definitions}) > MAX_CODE:
         large = 0, column, 0, column, "The block and the helpers that it calls are too large.", "simplify them.", True
         return _Compiled(None, (*checker.problems, large))
-    return _Compiled(make, tuple(checker.problems), drives)
+    return _Compiled(_make(tree, variables, definitions, actions), tuple(checker.problems), drives)
 
 
 _HELPER_OF: dict[type[ast.operator], str] = {
@@ -114,19 +137,23 @@ _HELPER_OF: dict[type[ast.operator], str] = {
 class _Rewriter(ast.NodeTransformer):
     """Replaces variables by places in a list, and what could take long by calls that count it."""
 
-    def __init__(
-        self,
-        variables: Mapping[str, str],
-        definitions: frozenset[str],
-        places: dict[str, str],
-        actions: Container[str],
-        costs: Mapping[str, int],
-    ) -> None:
-        self.variables, self.definitions, self.actions = variables, definitions, actions
-        self.places = places  # name of the index of each variable that is used, by key
+    def __init__(self) -> None:
+        self.variables: Mapping[str, str] = {}
+        self.definitions: Mapping[str, Definition] = {}
+        self.actions: Mapping[str, Callable[..., Any]] = {}
+        self.costs: Mapping[str, int] = {}
+        self.places: dict[str, str] = {}  # name of the index of each variable that is used, by key
         self.calls: set[tuple[str, str]] = set()  # functions of parts that are used
-        self.costs = costs  # of the code of each helper
+        self.helpers: dict[Definition, str] = {}  # names of those that are called, in order of their first call
+        self.known: dict[str, Any] = {**FUNCTIONS, **HELPERS, "__builtins__": {}}
         self.is_counting = False
+
+    def enter(
+        self, variables: Mapping[str, str], definitions: tuple[tuple[str, Definition], ...], actions: Actions
+    ) -> None:
+        """Begin with a piece of code that may name these."""
+        self.variables, self.definitions, self.actions = variables, dict(definitions), dict(actions)
+        self.costs = {name: one.cost for name, one in definitions}
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         if node.id in self.variables:
@@ -247,9 +274,13 @@ class _Rewriter(ast.NodeTransformer):
         if function.id == "log":
             return ast.Call(_attribute(function.id), [self._counting("_looked_at", one) for one in arguments], [])
         if function.id in self.definitions:
-            return _helper(f"_def_{function.id}", ast.Name("_m", ast.Load()), *arguments)
+            name = self.helpers.setdefault(self.definitions[function.id], f"_def_{len(self.helpers)}")
+            return _helper(name, ast.Name("_m", ast.Load()), *arguments)
         if function.id in self.actions:
-            return _helper(f"_act_{function.id}", *arguments)
+            name = f"_act_{function.id}"
+            while self.known.setdefault(name, self.actions[function.id]) is not self.actions[function.id]:
+                name += "_"  # another file has one of this name
+            return _helper(name, *arguments)
         if function.id in ("abs", "bool", "len"):  # take no longer for what is large
             return ast.Call(function, arguments, [])
         made = self._counting("_counted", ast.Name(function.id, ast.Load()), *arguments)
@@ -284,57 +315,40 @@ def _is_number_or_reading(node: ast.expr) -> bool:
 
 def _make(
     tree: Tree,
-    variables: Mapping[str, str],
+    variables: tuple[tuple[str, str], ...],
     definitions: tuple[tuple[str, Definition], ...],
-    actions: Mapping[str, Callable[..., Any]],
-) -> Callable[[Bindings], Callable[[Any], Any]] | None:
-    """Return what binds a block to its place: `make(_v, _robot, indices)` returns the function of the context `_m`.
-
-    None if its code is too large: helpers that call helpers grow quickly.
-    """
-    names = frozenset(name for name, _ in definitions)
-    places = dict[str, str]()
-    costs = dict[str, int]()
-    for name, (_, text, _) in definitions:  # each may call those before it
-        costs[name] = cost_of(ast.parse(f"({text}\n)", mode="eval"), costs)
-    if cost_of(tree, costs) > MAX_CODE:
-        return None
-    rewriter = _Rewriter(variables, names, places, actions, costs)
-    used = _called(tree, names)
-    body: list[ast.stmt]
+    actions: Actions,
+) -> Callable[[Bindings], Callable[[Any], Any]]:
+    """Return what binds a block to its place: `make(_v, _robot, indices)` returns the function of the context `_m`."""
+    rewriter = _Rewriter()
+    rewriter.enter(dict(variables), definitions, actions)
     if isinstance(tree, ast.Expression):
-        body = [ast.Return(rewriter.visit(tree.body))]
+        body: list[ast.stmt] = [ast.Return(rewriter.visit(tree.body))]
     else:
         body = [rewriter.visit(one) for one in tree.body]
     helpers: list[ast.stmt] = []
-    for name, (given, text, seen) in reversed(definitions):  # one may call those before it
-        if name in used:
-            expression = ast.parse(f"({text}\n)", mode="eval").body
-            used |= _called(expression, names)
-            inner = _Rewriter({key: place for key, place in seen if key not in given}, names, places, actions, costs)
-            made = ast.Return(inner.visit(expression))
-            helpers.insert(0, _function(f"_def_{name}", ["_m", *given], [made]))
-            rewriter.calls |= inner.calls
-            rewriter.is_counting = rewriter.is_counting or inner.is_counting
+    while len(helpers) < len(rewriter.helpers):
+        one, name = list(rewriter.helpers.items())[len(helpers)]
+        seen = {key: place for key, place in one.variables if key not in one.parameters}
+        rewriter.enter(seen, one.definitions, one.actions)
+        helpers.append(_function(name, ["_m", *one.parameters], [ast.Return(rewriter.visit(_expression(one.text)))]))
     if rewriter.is_counting:
         body = [*ast.parse(f"if _m.work < {MIN_WORK}: _m.work = {MIN_WORK}").body, *body]
     prepared = [ast.parse(f"_{part}_{verb} = _robot.{part}.{verb}").body[0] for part, verb in sorted(rewriter.calls)]
     block = _function("block", ["_m"], body)
     result = ast.Return(ast.Name("block", ast.Load()))
-    outer = _function("make", ["_v", "_robot", *places.values()], [*prepared, *helpers, block, result])
+    outer = _function("make", ["_v", "_robot", *rewriter.places.values()], [*prepared, *helpers, block, result])
     module = ast.fix_missing_locations(ast.Module([outer], []))
-    called = {f"_act_{name}": function for name, function in actions.items()}
-    known: dict[str, Any] = {**FUNCTIONS, **HELPERS, **called, "__builtins__": {}}
     with warnings.catch_warnings():  # such as of (-1)[0], which fails when it is executed
         warnings.simplefilter("ignore")
         code = compile(module, "<block>", "exec")
-    exec(code, known)
-    make = known["make"]
-    return lambda bindings: make(bindings.slots, bindings.robot, *(bindings.index[key] for key in places))
+    exec(code, rewriter.known)
+    make, keys = rewriter.known["make"], tuple(rewriter.places)
+    return lambda bindings: make(bindings.slots, bindings.robot, *(bindings.index[key] for key in keys))
 
 
-def _called(tree: ast.AST, names: frozenset[str]) -> set[str]:
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in names}
+def _expression(text: str) -> ast.expr:
+    return ast.parse(f"({text}\n)", mode="eval").body
 
 
 def _function(name: str, parameters: list[str], body: list[ast.stmt]) -> ast.FunctionDef:

@@ -35,8 +35,8 @@ from typing import Any
 
 from snr_sim.behaviors.block_bounds import MAX_WORK
 from snr_sim.behaviors.block_checks import RESERVED
-from snr_sim.behaviors.blocks import Definition, Scope, compile_block
-from snr_sim.behaviors.checks import problems_of
+from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
+from snr_sim.behaviors.checks import MAX_LEVELS, problems_of
 from snr_sim.behaviors.context import plain_value
 from snr_sim.behaviors.imports import Actions, why_not
 from snr_sim.behaviors.program import (
@@ -59,7 +59,6 @@ from snr_sim.behaviors.reader import MAX_PROBLEMS, Code, Form, Item, Text, Word,
 from snr_sim.prelude.errors import ParameterError, suggest
 
 NS_PER_MS = 1_000_000
-MAX_STATES = 10_000
 Parts = Mapping[str, frozenset[str]]
 
 _TOP = ("var", "def", "machine", "spawn", "onerror", "always", "break", "import", "export", "actions")
@@ -192,7 +191,6 @@ class _Language:
         self._actions: dict[str, Callable[..., Any]] = {}
         self._inside: list[_Machine] = []  # machines that are being made, outermost first
         self._made_machines: list[MachineDef] = []
-        self._states = 0
         self._on_error: OnError = "go_on"
 
     def program(self, text: str, forms: list[Form]) -> Program:
@@ -334,8 +332,8 @@ class _Language:
             without = {key: value for key, value in names.variables.items() if key != name}
             # One with a mistake is known all the same, so that its callers are not mistakes, too.
             text = "None" if block is None else code.text
-            definition: Definition = given, text, tuple(sorted(names.variables.items()))
-            definitions = {**names.definitions, name: definition}
+            seen = tuple(sorted(names.variables.items())), tuple(names.definitions.items())
+            definitions = {**names.definitions, name: define(given, text, *seen, tuple(self._actions.items()))}
             return replace(names, definitions=definitions, variables=without)
         if len(form.items) != 4 or not _is(form.items[2], ":="):
             raise self._shape(form)
@@ -425,6 +423,10 @@ class _Language:
 
     def _machine(self, machine: _Machine) -> MachineDef:
         if machine.made is None:
+            if len(self._inside) >= MAX_LEVELS:
+                raise self._failed(
+                    machine.form.place, "Machines are nested too deeply.", f"at most {MAX_LEVELS} levels."
+                )
             self._inside.append(machine)
             try:
                 machine.made = self._made(machine)
@@ -492,9 +494,6 @@ class _Language:
 
     def _state(self, form: Form, names: _Names) -> StateDef:
         name = self._name(form, 1)
-        self._states += 1
-        if self._states > MAX_STATES:
-            raise self._failed(form.place, f"The program has more than {MAX_STATES} states.", "split it.")
         forms = [one for one in self._forms(form, 2) if self._word(one, _IN_STATE, f"state '{name}'")]
         machines = self._machines(forms)
         names = replace(names, machines={**names.machines, **machines})

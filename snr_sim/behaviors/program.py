@@ -165,6 +165,12 @@ class MachineDef:
                 yield one
 
     @cached_property
+    def extent(self) -> tuple[int, int]:
+        """How many states it has, with those of the machines in them; and how many levels of machines."""
+        inside = [spawn.machine.extent for state in self.states for spawn in state.spawns]
+        return len(self.states) + sum(count for count, _ in inside), 1 + max((level for _, level in inside), default=0)
+
+    @cached_property
     def _by_source(self) -> dict[str, list[tuple[int, Transition]]]:
         found: dict[str, list[tuple[int, Transition]]] = {}
         for i, one in enumerate(self.transitions):

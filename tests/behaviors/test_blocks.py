@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from snr_sim.behaviors import Interpreter, ProgramError, parse
 from snr_sim.behaviors.block_bounds import MAX_WORK, BlockError
-from snr_sim.behaviors.blocks import Scope, compile_block
+from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
 from snr_sim.behaviors.program import Bindings, Place
 
 PARTS = {"range": frozenset({"read"}), "motor": frozenset({"start", "stop"})}
@@ -35,12 +35,10 @@ def context() -> Context:
 
 
 def scope(variables: Any, definitions: Any = None) -> Scope:
-    seen = tuple((name, name) for name in variables)
-    return Scope(
-        {name: name for name in variables},
-        {name: (given, text, seen) for name, (given, text) in (definitions or {}).items()},
-        PARTS,
-    )
+    seen, helpers = tuple((name, name) for name in variables), dict[str, Definition]()
+    for name, (parameters, text) in (definitions or {}).items():
+        helpers[name] = define(parameters, text, seen, tuple(helpers.items()))
+    return Scope({name: name for name in variables}, helpers, PARTS)
 
 
 def run(text: str, kind: Any = "block", definitions: Any = None, **variables: Any) -> Any:
@@ -245,8 +243,8 @@ u = [(i, i + 1) for i in range(300)]; f = [i * 1.1 for i in range(180)]
 OPERATIONS = [
     "9000 in t", "'z' in s", "t == tuple(range(900))", "t < t", "sorted(u)", "sorted(f)", "str(f)", "str(u)",
     "sum(range(10000))", "max(range(10000))", "1.5 in range(10000)", "b * b", "b // 3", "b % (b - 1)", "str(b)",
-    "b ** 1", "float(s)", "float(c)", "int(c)", "f'{f}'", "f'{f!r:.1}'", "t[1:]", "s[1:]", "t + t", "s + s", "u * 1", "s * 1",
-    "round(b, -99)", "round(1.5, 99)", "math.dist(t, t)", "math.hypot(1.5, 2.5)", "abs(b)", "divmod(b, b - 1)",
+    "b ** 1", "float(s)", "float(c)", "int(c)", "f'{f}'", "f'{f!r:.1}'", "t[1:]", "s[1:]", "t + t", "s + s", "u * 1",
+    "s * 1", "round(b, -99)", "round(1.5, 99)", "math.dist(t, t)", "math.hypot(1.5, 2.5)", "abs(b)", "divmod(b, b - 1)",
     "tuple(zip(t, t))", "max(zip(t, t))", "tuple(enumerate(t))", "tuple(reversed(t))", "any(t)", "all(t)", "max(s)",
     "[i for i in t]", "sum(i for i in t)", "s == s + ''", "(t, u)", "[[1, 2], [3, x]]", "log(s)", "robot.stop()",
     "robot.range.read()", "x + 1", "x * x", "x << 900", "x ** 2", "x if x else 3", "-x", "len(t)", "random()", "b == b",

@@ -245,6 +245,19 @@ def edited(*events: tuple[str, list[Any]]) -> Node:
     return node
 
 
+def test_helper_sees_what_is_declared_where_it_stands() -> None:
+    """Also a helper and an action that its file does not export, and not one of the same name where it is called."""
+    inner = '(actions "b.py")(def half x [act(x) / 2])(def quarter x [half(x) / 2])(export quarter)'
+    text = """(import "lib.lrp") (actions "a.py") (var y := [0])
+(def half x [act(x)]) (def both x [half(x) + quarter(x)])
+(machine m (def half x [both(x) + 1000]) (state s (running [y = half(8)]))) (spawn m s)"""
+    actions = {"a.py": {"act": lambda x: 100 * x}, "b.py": {"act": lambda x: 10 * x}}
+    interpreter = Interpreter(parse(text, files={"lib.lrp": inner}, actions=actions))
+    interpreter.spawn(0)
+    interpreter.step(1)
+    assert (interpreter.variables["y"], interpreter.problems) == (1820.0, {})
+
+
 def test_file_is_edited_without_the_program() -> None:
     more = LIBRARY.replace("twice x [2 * x]", "twice x [10 * x]")
     node = edited(("m.edit_file", [more, "lib.lrp"]))

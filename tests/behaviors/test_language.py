@@ -303,6 +303,16 @@ def test_large_texts_are_answered_in_time() -> None:
         parse(f"(machine m {many})(spawn m s0)")
 
 
+@pytest.mark.parametrize(
+    ("levels", "spawns", "message"), [(20, 2, "more than 10000 states"), (150, 1, "nested too deeply")]
+)
+def test_machines_that_spawn_many_machines_are_refused(levels: int, spawns: int, message: str) -> None:
+    texts = ["(machine m0 (state s))"]
+    texts += [f"(machine m{i} (state s {f'(onentry (spawn m{i - 1} s))' * spawns}))" for i in range(1, levels)]
+    with pytest.raises(ProgramError, match=message):
+        parse("".join(reversed(texts)) + f"(spawn m{levels - 1} s)")
+
+
 # -- broken texts -----------------------------------------------------------------------------------------------------
 
 PIECES = [

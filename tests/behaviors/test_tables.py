@@ -95,3 +95,10 @@ def test_signals_of_all_levels_in_order() -> None:
     inner = machine("i", "p", [state("p", on("one", to="p"), exits(on("two", to="a")))])
     program = machine("m", "a", [state("a", on("three", to="a"), machines=[inner])], anywhere=[on("stop", to="a")])
     assert program.signals() == ["stop", "three", "one", "two"]
+
+
+def test_machines_in_too_many_levels_are_refused() -> None:
+    made = machine("m", "a", [state("a")])
+    with pytest.raises(ProgramError, match="more than 100 levels"):
+        for _ in range(1000):
+            made = machine("m", "a", [state("a", machines=[made])])
