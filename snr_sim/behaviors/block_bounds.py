@@ -121,15 +121,14 @@ def bounded_round(value: Any, digits: Any = None) -> Any:
     return round(value, digits)
 
 
-def plain(name: str, value: Any) -> Any:
-    """Return a value as a variable keeps it; `name` has " and " for several variables that are assigned at once."""
-    if type(value) is tuple and " and " in name:  # several variables at once
-        return tuple(plain_value(name, one) for one in value)
-    return plain_value(name, value)
+def plain_each(names: str, value: Any) -> Any:
+    """Return a value as several variables that are assigned at once keep it."""
+    return tuple(plain_value(names, one) for one in value) if type(value) is tuple else plain_value(names, value)
 
 
 HELPERS: dict[str, Any] = {
     "_turns": turns, "_looked_at": looked_at, "_made": made, "_counted": counted, "_multiply": multiply,
-    "_power": power, "_shift": shift, "_modulo": modulo, "_plain": plain,
+    "_power": power, "_shift": shift, "_modulo": modulo, "_plain": plain_value,
+    "_plain_each": plain_each,
     "range": bounded_range, "round": bounded_round, "math": math, "tuple": tuple,
 }  # fmt: skip

@@ -266,6 +266,7 @@ class BlockChecker:
             elif verb not in self.parts[part]:
                 self._report(function, f"'robot.{part}' has no '{verb}'.", suggest(verb, self.parts[part]))
         elif isinstance(function, ast.Attribute) and is_name(function.value, "robot"):
+            self.called.add(("", function.attr))
             if function.attr != "stop":
                 self._report(function, f"'robot.{function.attr}()' cannot be called.", "robot.stop(), or a part's.")
         elif isinstance(function, ast.Attribute):

@@ -8,6 +8,7 @@ guards a robot against mistakes, and a node against text from an unknown client;
 from __future__ import annotations
 
 import ast
+import textwrap
 import warnings
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
@@ -81,7 +82,12 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
     if compiled.make is None:
         return None, problems
     parts = partial(_parts, text, place, scope) if kind == "condition" else None
-    return Block(" ".join(text.split()), place, compiled.make, compiled.drives, parts), problems
+    written = textwrap.dedent(" " * (place.column - 1) + text).strip()
+    drives = frozenset(part for part, _ in compiled.commands if part)
+    return (
+        Block(written, place, compiled.make, drives, compiled.writes, bool(compiled.commands), parts),
+        problems,
+    )
 
 
 def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
@@ -100,9 +106,23 @@ def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
 
 @dataclass(frozen=True)
 class _Compiled:
-    make: Callable[[Bindings], Callable[[Any], Any]] | None
+    make: _Make | None
     problems: tuple[Found, ...]
-    drives: frozenset[str] = frozenset()
+    commands: frozenset[tuple[str, str]] = frozenset()  # part and function; part "" of robot.stop()
+    writes: frozenset[str] = frozenset()  # keys of variables
+
+
+@dataclass(frozen=True)
+class _Make:
+    """Binds a block to its place. Equal ones do the same: their texts mean the same, and draw no random number."""
+
+    meaning: object
+    make: Callable[..., Callable[[Any], Any]] = field(compare=False)
+    keys: tuple[str, ...]
+
+    def __call__(self, bindings: Bindings) -> Callable[[Any], Any]:
+        """Return the function of the context."""
+        return self.make(bindings.slots, bindings.robot, *(bindings.index[key] for key in self.keys))
 
 
 @lru_cache(maxsize=4096)
@@ -122,11 +142,13 @@ def _compile(
     tree = checker.parse(text, column, kind)
     if tree is None or checker.has_errors:
         return _Compiled(None, tuple(checker.problems))
-    drives = frozenset(part for part, verb in checker.called if verb in ("start", "stop"))
+    commands = frozenset(one for one in checker.called if one[1] in ("start", "stop"))
+    keys = dict(variables)
+    writes = frozenset(keys[name] for name in stored_names(tree) if name in keys)
     if cost_of(tree, {name: one.cost for name, one in definitions}) > MAX_CODE:
         large = 0, column, 0, column, "The block and the helpers that it calls are too large.", "simplify them.", True
         return _Compiled(None, (*checker.problems, large))
-    return _Compiled(_make(tree, variables, definitions, actions), tuple(checker.problems), drives)
+    return _Compiled(_make(tree, variables, definitions, actions), tuple(checker.problems), commands, writes)
 
 
 _HELPER_OF: dict[type[ast.operator], str] = {
@@ -147,6 +169,7 @@ class _Rewriter(ast.NodeTransformer):
         self.helpers: dict[Definition, str] = {}  # names of those that are called, in order of their first call
         self.known: dict[str, Any] = {**FUNCTIONS, **HELPERS, "__builtins__": {}}
         self.is_counting = False
+        self.is_random = False
 
     def enter(
         self, variables: Mapping[str, str], definitions: tuple[tuple[str, Definition], ...], actions: Actions
@@ -179,7 +202,8 @@ class _Rewriter(ast.NodeTransformer):
         """Return a value as it is kept: of a program's variable, a plain one."""
         names = [one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)]
         if any(name in self.variables for name in names):
-            return _helper("_plain", ast.Constant(" and ".join(names)), value)
+            helper = "_plain" if len(names) == 1 else "_plain_each"
+            return _helper(helper, ast.Constant(" and ".join(names)), value)
         return value
 
     def visit_For(self, node: ast.For) -> ast.AST:
@@ -270,6 +294,7 @@ class _Rewriter(ast.NodeTransformer):
             return ast.Call(function, arguments, [])
         assert isinstance(function, ast.Name)
         if function.id == "random":
+            self.is_random = True
             return ast.Call(_attribute(function.id), arguments, [])
         if function.id == "log":
             return ast.Call(_attribute(function.id), [self._counting("_looked_at", one) for one in arguments], [])
@@ -318,9 +343,9 @@ def _make(
     variables: tuple[tuple[str, str], ...],
     definitions: tuple[tuple[str, Definition], ...],
     actions: Actions,
-) -> Callable[[Bindings], Callable[[Any], Any]]:
+) -> _Make:
     """Return what binds a block to its place: `make(_v, _robot, indices)` returns the function of the context `_m`."""
-    rewriter = _Rewriter()
+    rewriter, text = _Rewriter(), ast.unparse(tree)
     rewriter.enter(dict(variables), definitions, actions)
     if isinstance(tree, ast.Expression):
         body: list[ast.stmt] = [ast.Return(rewriter.visit(tree.body))]
@@ -343,8 +368,8 @@ def _make(
         warnings.simplefilter("ignore")
         code = compile(module, "<block>", "exec")
     exec(code, rewriter.known)
-    make, keys = rewriter.known["make"], tuple(rewriter.places)
-    return lambda bindings: make(bindings.slots, bindings.robot, *(bindings.index[key] for key in keys))
+    meaning = object() if rewriter.is_random else (text, variables, definitions, actions)
+    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places))
 
 
 def _expression(text: str) -> ast.expr:

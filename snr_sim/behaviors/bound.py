@@ -6,6 +6,7 @@ Nothing here is executed; what is made once here is not looked up in each step.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from operator import itemgetter
 from typing import Any
 
 from snr_sim.behaviors.bridge import Robot
@@ -26,13 +27,26 @@ from snr_sim.behaviors.program import (
 
 
 class BoundBlock:
-    """A block that is bound to its place."""
+    """A block that is bound to its place.
 
-    __slots__ = ("block", "call")
+    Attributes:
+        places: indices of the variables that it assigns.
+        values: returns their values; None if it assigns none.
+        robot: that it commands, if it does.
+    """
+
+    __slots__ = ("block", "call", "places", "robot", "values")
 
     def __init__(self, block: Block, bindings: Bindings) -> None:
         self.block: Block = block
         self.call: Callable[[Any], Any] = block.bind(bindings)
+        names = bindings.index if block.writes is None else block.writes
+        places = sorted({bindings.index[name] for name in names})
+        self.places: list[int] = (
+            places + places[:1] if len(places) == 1 else places
+        )  # of one the getter returns no tuple
+        self.values: Callable[[list[Any]], tuple[Any, ...]] | None = itemgetter(*self.places) if places else None
+        self.robot: Robot | None = bindings.robot if block.is_commanding else None
 
 
 class BoundState:
@@ -174,12 +188,10 @@ def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations
     bindings = machine.bindings
     arrow = BoundTransition(transition, bindings, mover.states[transition.target])
     holds = None if condition is None else condition.bind(bindings)
-    if isinstance(after, Block):
-        holds = _with_time(after.bind(bindings), holds)
-        after = None
+    due = after.bind(bindings) if isinstance(after, Block) else after
     if evaluations is not None:
-        return None, watched(machine, transition, after, holds, bindings, evaluations), arrow
-    return after, holds, arrow
+        return None, watched(machine, transition, due, holds, bindings, evaluations), arrow
+    return (due, holds, arrow) if not callable(due) else (None, _with_time(due, holds), arrow)
 
 
 def _with_time(after_ns: Callable[[Any], Any], condition: Callable[[Any], Any] | None) -> Callable[[Any], Any]:

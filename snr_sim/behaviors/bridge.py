@@ -121,6 +121,9 @@ class Robot:
         self._changed: dict[DataKey, None] = {}  # pages to store, in order of their first command
         self._used: dict[DataKey, None] = {}  # pages that have been stored at all
         self._is_held = False
+        self._journal: list[
+            tuple[str, float, bool]
+        ] = []  # since `mark`: the value before, and whether it is stored
         for name in bridge.parts:
             setattr(self, name, Part(self, name, bridge.reads.get(name), bridge.drives.get(name), owner, in_state_s))
 
@@ -135,6 +138,7 @@ class Robot:
                 f"robot.{name}.start() was given {value!r:.80}.", fix=f"a number, such as robot.{name}.start(1.0)."
             )
         drive = self._drives[name]
+        self._journal.append((name, self._commands[name], drive.page in self._changed))
         self._commands[name] = min(drive.high, max(drive.low, float(value)))
         self._changed[drive.page] = None
 
@@ -143,14 +147,17 @@ class Robot:
         for name, drive in self._drives.items():
             self.command(name, drive.neutral)
 
-    def mark(self) -> Any:
-        """Return the state to which `undo` returns."""
-        return dict(self._commands), dict(self._changed)
+    def mark(self) -> None:
+        """Set the state to which `undo` returns."""
+        self._journal.clear()
 
-    def undo(self, mark: Any) -> None:
-        """Forget what was commanded since."""
-        commands, changed = mark
-        self._commands, self._changed = dict(commands), dict(changed)
+    def undo(self) -> None:
+        """Forget what was commanded since `mark`."""
+        while self._journal:
+            name, value, was_changed = self._journal.pop()
+            self._commands[name] = value
+            if not was_changed:
+                self._changed.pop(self._drives[name].page, None)
 
     def hold(self, *, is_held: bool) -> list[Task]:
         """Keep all parts at neutral, whatever they are commanded, until they are released; return the tasks for it."""

@@ -73,13 +73,13 @@ def _label(one: Transition) -> str:
     """Return what is written at an arrow: `stop`, `after 2 s`, `[is_near] / count`."""
     words = [] if one.signal is None else [one.signal]
     if isinstance(one.after_ns, Block):
-        words.append(f"after {one.after_ns.text}")
+        words.append(f"after {one.after_ns.line}")
     elif one.after_ns is not None:
         words.append(f"after {one.after_ns / 1e9:g} s")
     if one.condition is not None:
-        words.append(f"[{one.condition.text}]")
+        words.append(f"[{one.condition.line}]")
     if one.effect is not None:
-        words.append(f"/ {one.effect.text}")
+        words.append(f"/ {one.effect.line}")
     return " ".join(words) or "at once"
 
 
@@ -152,8 +152,8 @@ def _dot_machine(name: str, spawn: Spawn, path: str, around: str | None, indent:
 def _scxml(spawns: tuple[Spawn, ...]) -> str:
     """Return W3C's State Chart XML: machines side by side are regions of a `parallel`, a time-out is a delayed event.
 
-    Conditions and effects are names of functions, which a tool has to define. What differs: there an inner transition
-    wins over an outer one.
+    Conditions and effects of a machine in Python are names of functions, which a tool has to define; those of
+    a text are its code. What differs: there an inner transition wins over an outer one.
     """
     lines = ['<?xml version="1.0" encoding="UTF-8"?>']
     lines.append('<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" datamodel="ecmascript" initial="all">')
@@ -177,29 +177,36 @@ def _scxml_state(machine: MachineDef, state: StateDef, path: str, around: str | 
     inner = indent + "  "
     found = list(enumerate(machine.transitions_of(state.name)))
     timers = [(f"after.{own}.{i}", one.after_ns) for i, one in found if one.after_ns is not None]
-    calls = [one.text for one in state.enter if isinstance(one, Block)]
+    calls = [_code(one) for one in state.enter if isinstance(one, Block)]
     if calls or timers:
         yield f"{inner}<onentry>"
-        yield from (f"{inner}  <script>{escape(text)}()</script>" for text in calls)
+        yield from (f"{inner}  <script>{escape(text)}</script>" for text in calls)
         for event, delay in timers:
             wait = (
-                f"delayexpr={quoteattr(delay.text)}" if isinstance(delay, Block) else f'delay="{delay / NS_PER_MS:g}ms"'
+                f"delayexpr={quoteattr(_code(delay))}"
+                if isinstance(delay, Block)
+                else f'delay="{delay / NS_PER_MS:g}ms"'
             )
             yield f"{inner}  <send id={quoteattr(event)} event={quoteattr(event)} {wait}/>"
         yield f"{inner}</onentry>"
     if state.leave or timers:
         yield f"{inner}<onexit>"
         yield from (f"{inner}  <cancel sendid={quoteattr(event)}/>" for event, _ in timers)
-        yield from (f"{inner}  <script>{escape(one.text)}()</script>" for one in state.leave)
+        yield from (f"{inner}  <script>{escape(_code(one))}</script>" for one in state.leave)
         yield f"{inner}</onexit>"
     for i, one in found:
         caused_by = one.signal if one.after_ns is None else f"after.{own}.{i}"
         parts = [] if caused_by is None else [f"event={quoteattr(caused_by)}"]
-        parts += [] if one.condition is None else [f"cond={quoteattr(one.condition.text + '()')}"]
+        parts += [] if one.condition is None else [f"cond={quoteattr(_code(one.condition))}"]
         home = around if one.kind == "exit" else path
         parts.append(f"target={quoteattr(f'{home}.{one.target}')}")
-        effect = "/>" if one.effect is None else f"><script>{escape(one.effect.text)}()</script></transition>"
+        effect = "/>" if one.effect is None else f"><script>{escape(_code(one.effect))}</script></transition>"
         yield f"{inner}<transition {' '.join(parts)}{effect}"
     for name, below in with_names(state.spawns):
         yield from _scxml_machine(below, f"{own}.{_id(name)}", path, inner)
     yield f"{indent}</{tag}>"
+
+
+def _code(block: Block) -> str:
+    """Return a block's code: of a function in Python its call."""
+    return f"{block.text}()" if block.writes is None else block.text

@@ -416,16 +416,20 @@ class Interpreter:
         """Execute a block: all of it, or, if it raises and the program continues, nothing."""
         context = self.context
         context.machine = machine
-        robot = self.robot
-        before = None if self._fails else (self._bound.slots[:], None if robot is None else robot.mark())
+        slots = machine.bindings.slots
+        values = None if code.values is None or self._fails else code.values(slots)
+        if code.robot is not None:
+            code.robot.mark()
         try:
             output = code.call(context)
         except Exception as error:
-            if before is None:
+            if self._fails:
                 raise
-            self._bound.slots[:], mark = before
-            if robot is not None:
-                robot.undo(mark)
+            if values is not None:
+                for place, value in zip(code.places, values, strict=True):
+                    slots[place] = value
+            if code.robot is not None:
+                code.robot.undo()
             self._report(machine, code.block, error)
             return
         if output is not None:
@@ -440,7 +444,7 @@ class Interpreter:
     def _report(self, machine: BoundMachine, block: Block, error: Exception) -> None:
         if self._fails:
             raise error
-        self._add_problem(machine, block.place.line, block.text, f"{type(error).__name__}: {error}")
+        self._add_problem(machine, block.place.line, block.line, f"{type(error).__name__}: {error}")
         if self.program.on_error == "stop" and machine not in self._failed:
             self._failed.append(machine)
 

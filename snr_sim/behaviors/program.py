@@ -76,11 +76,13 @@ class Block:
     """A piece of code of a program.
 
     Args:
-        text: as written in the program, for messages and drawings.
+        text: as written in the program, for messages and drawings; of a function in Python, its name.
         place: of it.
         bind: returns what is called with a `MachineContext`. A condition returns whether it holds; any other block,
-            tasks or None.
+            tasks or None. Those of blocks that do the same are equal.
         drives: parts of the robot that it commands; of a block of text.
+        writes: keys of the variables that it assigns; of a function in Python None: it may assign all.
+        is_commanding: whether it commands the robot.
         parts: returns the parts of a condition in text, for an explanation: readings, variables, what is compared.
     """
 
@@ -88,7 +90,14 @@ class Block:
     place: Place
     bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
     drives: frozenset[str] = frozenset()
+    writes: frozenset[str] | None = None
+    is_commanding: bool = True
     parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def line(self) -> str:
+        """Its text in one line, to be shown."""
+        return " ".join(self.text.split())
 
 
 @dataclass(frozen=True)

@@ -34,20 +34,24 @@ def fields(tasks: list[Any]) -> dict[str, float]:
 def test_robot_that_is_held_is_commanded_neutral_and_then_what_counts(words: list[tuple[str, int]]) -> None:
     robot = Robot(Bridge({}, DRIVES), FixedPages({}), lambda: 0.0)
     commanded, stored, is_held = dict(NEUTRAL), dict(NEUTRAL), False
-    mark = robot.mark(), dict(commanded)
+    robot.mark()
+    before = dict(commanded)
     for word, value in words:
         if word in DRIVES:
             getattr(robot, word).start(value)
             commanded[DRIVES[word].field] = float(value)
         elif word == "undo":
-            robot.undo(mark[0])
-            commanded = dict(mark[1])
+            robot.undo()
+            commanded = before
         else:
             is_held = word == "hold"
             stored |= fields(robot.hold(is_held=is_held))
-        mark = robot.mark(), dict(commanded)
-        stored |= fields(robot.take_tasks())
-        assert stored == (NEUTRAL if is_held else commanded)
+        if value == 9:
+            stored |= fields(robot.take_tasks())
+            robot.mark()
+            before = dict(commanded)
+    stored |= fields(robot.take_tasks())
+    assert stored == (NEUTRAL if is_held else commanded)
 
 
 class OnePage(FixedPages):

@@ -53,6 +53,14 @@ def test_values_of_parts_are_those_of_the_step() -> None:
     assert "ZeroDivisionError" in next(one for one in evaluations.found if one.transition == "broken").error
 
 
+def test_time_out_that_is_computed_is_shown_with_what_it_is_computed_from() -> None:
+    text = "(var turn_ms := [30])(machine m (state a) (state b) (ontime [turn_ms * 2] a -> b))(spawn m a)"
+    (one,) = looked_at(text, [20]).found
+    assert (one.elapsed_ns, one.after_ns, one.is_true, one.values) == (20_000_000, 60_000_000, False, {"turn_ms": "30"})
+    (row,) = summary([one])
+    assert (row["after_s"], row["values"]) == (0.06, {"turn_ms": "30"})
+
+
 def test_random_numbers_are_not_drawn_twice() -> None:
     import numpy as np
 

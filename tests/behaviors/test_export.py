@@ -10,7 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.behaviors import Interpreter, Program, after, always, draw, exits, machine, on, side_by_side, state
+from snr_sim.behaviors import (
+    Interpreter,
+    Program,
+    after,
+    always,
+    draw,
+    exits,
+    machine,
+    on,
+    parse,
+    side_by_side,
+    state,
+)
 from snr_sim.behaviors.export import as_text
 from snr_sim.behaviors.program import ANY, MachineDef, Place, Spawn, StateDef, Transition
 
@@ -158,3 +170,15 @@ def test_another_tool_that_reads_our_scxml_is_in_the_same_states(spawns: list[Sp
 def test_machines_side_by_side_are_drawn_side_by_side() -> None:
     text = draw(side_by_side(MISSION, MISSION), "scxml")
     assert '<state id="mission_2" initial="mission_2.look">' in text
+
+
+def test_code_of_a_text_is_that_of_the_text() -> None:
+    """Its lines as well: joined by blanks they mean something else."""
+    block = """[x = 1
+          if x:
+            robot.stop()]"""
+    text = f"(var x := [0])(machine m (state a (onexit {block})) (state b) (on [x is not None] a -> b))(spawn m a)"
+    drawn = draw(parse(text), "scxml")
+    assert "cond='x is not None'" in drawn or 'cond="x is not None"' in drawn
+    assert "<script>x = 1\nif x:\n  robot.stop()</script>" in drawn
+    assert "(onexit [x = 1\nif x:\n  robot.stop()])" in draw(parse(text), "text")

@@ -98,7 +98,12 @@ def test_signals_of_all_levels_in_order() -> None:
 
 
 def test_machines_in_too_many_levels_are_refused() -> None:
-    made = machine("m", "a", [state("a")])
-    with pytest.raises(ProgramError, match="more than 100 levels"):
-        for _ in range(1000):
+    def nested(levels: int) -> Program:
+        made = machine("m", "a", [state("a")])
+        for _ in range(levels):
             made = machine("m", "a", [state("a", machines=[made])])
+        return made
+
+    assert len(list(nested(99).walk())) == 100
+    with pytest.raises(ProgramError, match="more than 100 levels"):
+        nested(1000)
