@@ -121,9 +121,7 @@ class Robot:
         self._changed: dict[DataKey, None] = {}  # pages to store, in order of their first command
         self._used: dict[DataKey, None] = {}  # pages that have been stored at all
         self._is_held = False
-        self._journal: list[
-            tuple[str, float, bool]
-        ] = []  # since `mark`: the value before, and whether it is stored
+        self._journal: list[tuple[str, float, bool]] = []  # since `mark`: the value before, and whether it is stored
         for name in bridge.parts:
             setattr(self, name, Part(self, name, bridge.reads.get(name), bridge.drives.get(name), owner, in_state_s))
 
