@@ -34,6 +34,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 _SPECIAL = ("robot", "now_ms", "in_state_ms", "signal", "random", "log", "math", "range", "round")
 RESERVED = frozenset((*_SPECIAL, *FUNCTIONS, *kwlist))  # which a program cannot declare
+# How many values the functions of parts take.
+_COUNTS = {"read": 0, "age_ms": 0, "read_since_entry": 0, "start": 1, "stop": 0}
 _STATEMENTS = (ast.Assign, ast.AugAssign, ast.If, ast.For, ast.Pass, ast.Expr)
 _EXPRESSIONS = (
     ast.Constant, ast.Name, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.Attribute,
@@ -247,6 +249,10 @@ class BlockChecker:
         if isinstance(node.value, ast.Name) and node.value.id == "math":
             if node.attr not in _MATH:
                 self._report(node, f"There is no 'math.{node.attr}' here.", suggest(node.attr, _MATH))
+        elif part_of(node) is not None or (is_name(node.value, "robot") and node.attr == "stop"):
+            self._check_call(ast.copy_location(ast.Call(node, [ast.Constant(0)] * _COUNTS.get(node.attr, 0), []), node))
+            values = "value" if node.attr == "start" else ""
+            self._report(node, f"'{ast.unparse(node)}' must be called.", f"{ast.unparse(node)}({values}).")
         elif is_name(node.value, "robot") and (self.parts is None or node.attr in self.parts):
             self._report(node, f"'robot.{node.attr}' alone is not a value.", f"robot.{node.attr}.read(), for example.")
         elif is_name(node.value, "robot"):
@@ -281,6 +287,10 @@ class BlockChecker:
                 self._report(function, f"'{function.id}' cannot be called.", suggest(function.id, known))
         else:
             self._report(function, "Only names, parts of the robot and math can be called.")
+        name = function.attr if isinstance(function, ast.Attribute) and not is_name(function.value, "math") else ""
+        if len(node.args) != _COUNTS.get(name, len(node.args)):
+            example = f"{ast.unparse(function)}({'50' if _COUNTS[name] else ''})."
+            self._report(node, f"'{name}' takes {_COUNTS[name]} values, and is given {len(node.args)}.", example)
         for argument in node.args:
             self._check(argument)
         is_sorting = is_name(function, "sorted") or is_name(function, "max") or is_name(function, "min")

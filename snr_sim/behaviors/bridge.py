@@ -93,6 +93,11 @@ class Bridge:
                 raise ConfigError(f"A part of a robot cannot be named '{name}'.", fix="letters, digits and '_'.")
 
     @property
+    def keys(self) -> set[DataKey]:
+        """The keys of its pages."""
+        return {one.page for one in self.reads.values()} | {one.page for one in self.drives.values()}
+
+    @property
     def parts(self) -> dict[str, frozenset[str]]:
         """The functions of each part."""
         found = dict.fromkeys(self.reads, READ_FUNCTIONS)
@@ -162,6 +167,19 @@ class Robot:
         self._is_held = is_held
         self._changed |= dict.fromkeys(drive.page for drive in self._drives.values())
         return self.take_tasks()
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what is commanded, and what was stored, as JSON values."""
+        return {
+            "commands": dict(self._commands), "stored": dict(self._stored), "used": list(self._used),
+            "changed": list(self._changed), "is_held": self._is_held,
+        }  # fmt: skip
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Continue from a snapshot."""
+        self._commands, self._stored = dict(snapshot["commands"]), dict(snapshot["stored"])
+        self._used, self._changed = dict.fromkeys(snapshot["used"]), dict.fromkeys(snapshot["changed"])
+        self._is_held = snapshot["is_held"]
 
     def take_tasks(self) -> list[Task]:
         """Return the tasks that store what was commanded since the last call, and what repeats."""

@@ -7,6 +7,7 @@ others --> events that are signals'                   `--> event "<name>.transit
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -22,7 +23,7 @@ from snr_sim.behaviors.explain import Evaluations
 from snr_sim.behaviors.imports import files_named, texts_of
 from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
 from snr_sim.behaviors.language import parse
-from snr_sim.behaviors.program import Place, Problem, Program, ProgramError
+from snr_sim.behaviors.program import Place, Problem, Program, ProgramError, show_problem
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.handlers import as_tasks
@@ -95,7 +96,7 @@ class MachineFactory(EndpointFactory):
         path: its file, which `--watch` reads again when it is saved.
 
     Raises:
-        ConfigError: the program is something else.
+        ConfigError: the program is something else, or the name is that of a page of the bridge.
     """
 
     def __init__(
@@ -110,6 +111,8 @@ class MachineFactory(EndpointFactory):
         super().__init__()
         if not isinstance(program, Program):
             raise ConfigError(f"MachineFactory is given {program!r}.", fix="what machine(...) returns.")
+        if bridge is not None and name in bridge.keys:
+            raise ConfigError(f"A machine is named '{name}', and so is a page of the robot.", fix="rename the machine.")
         self.program: Program = program
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
@@ -223,7 +226,7 @@ class MachineEndpoint(Endpoint):
 
     def halt(self) -> None:
         """Note the blocks that failed, and the signals that no state waited for when they came."""
-        for problem in self.interpreter.problems.values():
+        for problem in (*self.interpreter.past_problems.values(), *self.interpreter.problems.values()):
             self.parent.add_note(
                 f"Machine '{problem.machine}', line {problem.line}: [{problem.block}] failed {problem.count} times, "
                 f"first at {problem.t_ns / NS_PER_S:g} s. {problem.message}"
@@ -283,7 +286,9 @@ class MachineEndpoint(Endpoint):
         if not isinstance(text, str) or not isinstance(base, str) or not _are_texts(files):
             return self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])
         if base not in ("", now.sha256):
-            return self._edited([Problem(Place(), "Another edit came first.", "edit the present text.")], text=now.text)
+            return self._edited(
+                [Problem(Place(), "Another edit came first.", "edit the present text.")], present=now.text
+            )
         return self._continue_with(text, files)
 
     def on_edit_file(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -300,34 +305,45 @@ class MachineEndpoint(Endpoint):
         try:
             program = self._parse(text, files)
         except ProgramError as error:
-            return self._edited(error.problems)
+            return self._edited(error.problems, text=text)
         self._files |= files
         edited, changes = self.interpreter.edit(program, self._now_ns())
         self.program_number += 1
         self._set_handlers()
         changed = self._results(changes, has_changed=True)
-        return [*changed, self._edited(list(program.warnings), edited)]
+        return [*changed, self._edited(program.warnings, edited, text=text)]
 
     def _parse(self, text: str, files: Mapping[str, str]) -> Program:
         bridge = self.factory.bridge
         return parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
 
-    def _edited(self, problems: Sequence[Problem], edited: Edited | None = None, **more: Any) -> Task:
-        """Return the task that stores the answer to an edit; log what was refused."""
+    def _edited(
+        self, problems: Sequence[Problem], edited: Edited | None = None, *, text: str = "", present: str | None = None
+    ) -> Task:
+        """Return the task that stores the answer to an edit; log it.
+
+        Args:
+            problems: of the edit.
+            edited: what it did; None if it was refused.
+            text: in which the problems are.
+            present: the text that was to be edited, for an edit of another one.
+        """
+        for one in problems:
+            shown = show_problem(one, self.name, text.splitlines())
+            self.log.log(logging.WARNING if one.is_error else logging.INFO, "%s", shown)
         if edited is None:
-            for one in problems:
-                self.log.warning("%s, line %s:%s: %s", self.name, one.place.line, one.place.column, one.message)
             self.log.warning("%s: program %s continues.", self.name, self.program_number)
         else:
             for note in edited.notes:
                 self.log.info("%s: %s", self.name, note)
+            self.log.info("%s: program %s runs.", self.name, self.program_number)
         answer = {
             "ok": edited is not None,
             "program": self.program_number,
             "sha256": self.interpreter.program.sha256,
             "problems": [{**asdict(one.place), "message": one.message, "fix": one.fix} for one in problems],
             **msgspec.structs.asdict(edited or Edited()),
-            **more,
+            **({} if present is None else {"text": present}),
         }
         return self.store_data_task(f"{self.name}.edited", answer)
 

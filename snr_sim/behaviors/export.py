@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Literal, TypeAlias
 from xml.sax.saxutils import escape, quoteattr
@@ -87,36 +88,48 @@ def _label(one: Transition) -> str:
 
 
 def _mermaid(spawns: tuple[Spawn, ...]) -> str:
-    lines = ["stateDiagram-v2"]
+    lines, ids = ["stateDiagram-v2"], _Ids()
     for name, spawn in with_names(spawns):
-        lines += [f'    state "{name}" as {_id(name)} {{', *_mermaid_machine(spawn, _id(name), "        "), "    }"]
+        lines += [f'    state "{name}" as {ids[name]} {{', *_mermaid_machine(spawn, name, ids, "        "), "    }"]
     return "\n".join([*lines, ""])
 
 
-def _mermaid_machine(spawn: Spawn, prefix: str, indent: str) -> Iterator[str]:
+class _Ids(dict[str, str]):
+    """Names of letters, digits and '_', by paths, each another one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._used: set[str] = set()
+
+    def __missing__(self, path: str) -> str:
+        found = re.sub(r"\W", "_", path)
+        while found in self._used:
+            found += "_"
+        self._used.add(found)
+        self[path] = found
+        return found
+
+
+def _mermaid_machine(spawn: Spawn, path: str, ids: _Ids, indent: str) -> Iterator[str]:
     machine = spawn.machine
-    yield f"{indent}[*] --> {prefix}_{_id(spawn.initial)}"
+    yield f"{indent}[*] --> {ids[f'{path}/{spawn.initial}']}"
     for state in machine.states:
-        own = f"{prefix}_{_id(state.name)}"
+        own = ids[f"{path}/{state.name}"]
         yield f'{indent}state "{state.name}" as {own}'
         if state.spawns:
             yield f"{indent}state {own} {{"
             for i, (name, inner) in enumerate(with_names(state.spawns)):
                 if i:
                     yield f"{indent}    --"
-                yield from _mermaid_machine(inner, f"{own}_{_id(name)}", indent + "    ")
+                yield from _mermaid_machine(inner, f"{path}/{state.name}/{name}", ids, indent + "    ")
             yield f"{indent}}}"
     for state in machine.states:
         for one in machine.transitions_of(state.name):
-            own, label = f"{prefix}_{_id(state.name)}", _label(one).replace(":", " ")
+            own, label = ids[f"{path}/{state.name}"], _label(one).replace(":", " ")
             if one.kind == "exit":  # an arrow across a border is not drawn
                 yield f"{indent}note right of {own} : {label}, leaves to {one.target}"
             else:
-                yield f"{indent}{own} --> {prefix}_{_id(one.target)} : {label}"
-
-
-def _id(name: str) -> str:
-    return name.replace("-", "_").replace("#", "_")
+                yield f"{indent}{own} --> {ids[f'{path}/{one.target}']} : {label}"
 
 
 # -- DOT --------------------------------------------------------------------------------------------------------------
@@ -159,7 +172,7 @@ def _scxml(spawns: tuple[Spawn, ...]) -> str:
     lines.append('<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" datamodel="ecmascript" initial="all">')
     lines.append('  <parallel id="all">')
     for name, spawn in with_names(spawns):
-        lines += _scxml_machine(spawn, _id(name), None, "    ")
+        lines += _scxml_machine(spawn, name.replace("#", "."), None, "    ")
     return "\n".join([*lines, "  </parallel>", "</scxml>", ""])
 
 
@@ -203,7 +216,7 @@ def _scxml_state(machine: MachineDef, state: StateDef, path: str, around: str | 
         effect = "/>" if one.effect is None else f"><script>{escape(_code(one.effect))}</script></transition>"
         yield f"{inner}<transition {' '.join(parts)}{effect}"
     for name, below in with_names(state.spawns):
-        yield from _scxml_machine(below, f"{own}.{_id(name)}", path, inner)
+        yield from _scxml_machine(below, f"{own}.{name.replace('#', '.')}", path, inner)
     yield f"{indent}</{tag}>"
 
 

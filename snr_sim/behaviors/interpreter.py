@@ -141,6 +141,11 @@ class MachineContext:
             self.logged.append(str(text)[:1000])
 
     @property
+    def has_no_rng(self) -> bool:
+        """Whether the interpreter was given no random generator."""
+        return self._rng is None
+
+    @property
     def rng(self) -> np.random.Generator:
         """The random generator of the component.
 
@@ -172,6 +177,7 @@ class Interpreter:
         ignored: number of signals that no active state waits for, by name.
         problems: exceptions in blocks, by block; with `on_error` 'fail' they are raised instead. Also a rule of the
             program that does not hold.
+        past_problems: those of programs before an edit.
         breaks: lines of the program by which the last step is to be followed by a pause.
     """
 
@@ -199,6 +205,7 @@ class Interpreter:
         self.entered: list[tuple[str, str]] = []
         self.ignored: dict[str, int] = {}
         self.problems: dict[tuple[int, str], RunProblem] = {}
+        self.past_problems: dict[tuple[int, str, str], RunProblem] = {}
         self.breaks: list[int] = []
         self._violated: set[int] = set()  # lines of rules that did not hold after the last step
         self._changes: list[Change] = []
@@ -501,7 +508,11 @@ class Interpreter:
         for machine in reversed(made.stopped):
             self._stop(machine, "edit")
         left = {machine.path: self._end(machine) for machine, _, _ in reversed(made.restarted)}
-        renamed = {before.path: after.path for before, after, _ in made.kept}
+        renamed = {_inside(before): f"{after.path}/{name}/" for before, after, name in made.kept}
+        for problem in self.problems.values():  # of a block of the old program
+            known = self.past_problems.setdefault((problem.line, problem.block, problem.message), problem)
+            known.count += 0 if known is problem else problem.count
+        self.problems = {}
         notes = values_after(old, new, renamed)
         self._take_over(program, new, made)
         self._neutralise({part for path in gone for part in parts_of(old)[path]}, new)
@@ -560,6 +571,11 @@ class Interpreter:
             "sha256": self.program.sha256,
             "active": [[one.path, one.state.name, one.since_ns] for one in self._walk() if one.state is not None],
             "variables": self.variables,
+            "rng": None if self.context.has_no_rng else self.context.rng.bit_generator.state,
+            "robot": None if self.robot is None else self.robot.snapshot(),
+            "problems": [msgspec.structs.asdict(one) for one in self.problems.values()],
+            "violated": sorted(self._violated),
+            "ignored": dict(self.ignored),
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
@@ -574,6 +590,13 @@ class Interpreter:
             )
         for path, value in snapshot["variables"].items():
             self.set(path, value)
+        if snapshot["rng"] is not None:
+            self.context.rng.bit_generator.state = snapshot["rng"]
+        if self.robot is not None:
+            self.robot.restore(snapshot["robot"])
+        found = [RunProblem(**one) for one in snapshot["problems"]]
+        self.problems = {(one.line, one.block): one for one in found}
+        self._violated, self.ignored = set(snapshot["violated"]), dict(snapshot["ignored"])
         for one in self._bound.machines.values():
             one.state, one.running = None, []
         self._running = []
@@ -581,3 +604,9 @@ class Interpreter:
             machine = self._bound.machines[path]
             machine.state, machine.since_ns = machine.states[name], since_ns
             (self._running if machine.parent is None else machine.parent.running).append(machine)
+
+
+def _inside(machine: BoundMachine) -> str:
+    """Return the beginning of the paths of what is inside the state of a machine that runs."""
+    assert machine.state is not None
+    return f"{machine.path}/{machine.state.name}/"

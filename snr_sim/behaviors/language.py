@@ -117,7 +117,7 @@ def _parse(
     errors = [one for one in found if one.is_error]
     if errors:
         return None, tuple(sorted(errors, key=lambda one: (one.place.line, one.place.column)))[:MAX_PROBLEMS]
-    return replace(program, warnings=tuple(found)), ()
+    return replace(program, warnings=tuple(found[:MAX_PROBLEMS])), ()
 
 
 @dataclass(frozen=True)
@@ -538,6 +538,8 @@ class _Language:
             raise self._shape(form)
         if source != ANY and source not in states:
             raise self._failed(ends[0].place, f"There is no state '{source}' here.", suggest(source, states))
+        if kind == "exit" and source == ANY:
+            raise self._failed(ends[0].place, "(exit ...) names one state that it leaves.", "write one for each state.")
         if kind == "exit" and around is None:
             raise self._failed(
                 form.place, "There is no machine around this one that (exit ...) could leave to.", "write (on ...)."

@@ -46,6 +46,21 @@ class Problem:
     is_error: bool = True
 
 
+def show_problem(problem: Problem, place: str, lines: list[str]) -> str:
+    """Return a problem as text: where it is, what is wrong, the line with a mark below it, and what to try."""
+    at = problem.place
+    kind = "" if problem.is_error else "warning: "
+    shown = [f"{place}:{at.line}:{at.column}: {kind}{problem.message}"]
+    if 0 < at.line <= len(lines):
+        line = lines[at.line - 1]
+        width = at.end_column - at.column if at.end_line == at.line else len(line) - at.column + 1
+        shown.append(f"{at.line:6}  {line}")
+        shown.append(" " * (7 + at.column) + "^" * max(1, min(width, len(line) - at.column + 1)))
+    if problem.fix:
+        shown.append(f"  Try: {problem.fix}")
+    return "\n".join(shown)
+
+
 class ProgramError(SnrError):
     """A program has mistakes: `problems` has all of them."""
 

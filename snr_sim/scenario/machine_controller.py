@@ -17,7 +17,7 @@ from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.endpoint import machine_parts
 from snr_sim.behaviors.imports import MAX_FILES, actions_of, files_named, texts_of
 from snr_sim.behaviors.language import parse
-from snr_sim.behaviors.program import Problem, Program, ProgramError
+from snr_sim.behaviors.program import Problem, Program, ProgramError, show_problem
 from snr_sim.core.reload.source_files import source_files
 from snr_sim.core.source_location import short_path
 from snr_sim.prelude.errors import ConfigError, SnrError
@@ -123,18 +123,3 @@ class MachineError(ConfigError):
         first, *others = (show_problem(one, place, lines) for one in problems)
         SnrError.__init__(self, "\n".join([first, *others]))
         self.problems: list[Problem] = problems
-
-
-def show_problem(problem: Problem, place: str, lines: list[str]) -> str:
-    """Return a problem as text: where it is, what is wrong, the line with a mark below it, and what to try."""
-    at = problem.place
-    kind = "" if problem.is_error else "warning: "
-    shown = [f"{place}:{at.line}:{at.column}: {kind}{problem.message}"]
-    if 0 < at.line <= len(lines):
-        line = lines[at.line - 1]
-        width = at.end_column - at.column if at.end_line == at.line else len(line) - at.column + 1
-        shown.append(f"{at.line:6}  {line}")
-        shown.append(" " * (7 + at.column) + "^" * max(1, min(width, len(line) - at.column + 1)))
-    if problem.fix:
-        shown.append(f"  Try: {problem.fix}")
-    return "\n".join(shown)

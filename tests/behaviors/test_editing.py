@@ -232,6 +232,25 @@ def test_everything_deleted_stops_the_robot_and_a_later_program_begins_new() -> 
     assert interpreter.variables["dora.turns"] == 0
 
 
+def test_variables_deep_in_inactive_states_are_kept_in_a_state_that_is_renamed() -> None:
+    deep = "(state down (machine deep (var d := [0]) (state s)) (onentry (spawn deep s)))"
+    text = edited(EXPLORER, "(state down)", deep)
+    interpreter, _ = looking(text)
+    interpreter.set("dora/looking/nod/down/deep.d", 7)
+    found, _ = edit(interpreter, text.replace("looking", "searching"))
+    assert found.notes == []
+    assert interpreter.variables["dora/searching/nod/down/deep.d"] == 7
+
+
+def test_problems_of_a_block_that_was_repaired_are_past() -> None:
+    interpreter, _ = looking(EXPLORER.replace("[turns = turns + 1]", "[turns = 1 / 0]"))
+    interpreter.step(1010 * MS)
+    assert [one.block for one in interpreter.problems.values()] == ["turns = 1 / 0"]
+    edit(interpreter, EXPLORER, 1020)
+    assert interpreter.problems == {}
+    assert [one.count for one in interpreter.past_problems.values()] == [1]
+
+
 # -- random edits -----------------------------------------------------------------------------------------------------
 
 

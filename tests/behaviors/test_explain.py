@@ -141,5 +141,7 @@ def test_wrong_questions_are_answered(run: Path, record_scenario: object, capsys
         why(run, "", "", 2.0, 1.0, trust=True, as_json=False)
     with pytest.raises(UnknownNameError, match="no state machine"):
         why(record_scenario().path.parent, "", "", 0.0, 1.0, trust=True, as_json=False)  # type: ignore[operator]
-    why(run, "dora", "nowhere", 0.0, 1.0, trust=True, as_json=False)
+    with pytest.raises(UnknownNameError, match="did you mean 'stopped'"):
+        why(run, "dora", "stoped", 0.0, 1.0, trust=True, as_json=False)
+    why(run, "dora", "stopped", 0.0, 0.0, trust=True, as_json=False)
     assert "no transition was looked at" in capsys.readouterr().out

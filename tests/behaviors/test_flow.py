@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Callable, Generator
 from typing import Any
 
@@ -436,6 +437,14 @@ def test_iterator_goes_through_its_items() -> None:
 
 
 # -- from outside -----------------------------------------------------------------------------------------------------
+
+
+def test_state_with_what_cannot_be_copied_is_named() -> None:
+    locked = state("ok")
+    locked.lock = threading.Lock()  # type: ignore[attr-defined]
+    flow = flow_of(A=(state("ok"), {"ok": "B"}), B=(locked, {"ok": "done"}))
+    with pytest.raises(ConfigError, match=r"(?s)State 'B' of flow 'mission' .* make it in run\(\)"):
+        Lab(flow)
 
 
 def test_goto_while_it_is_preempted_is_rejected() -> None:

@@ -98,6 +98,15 @@ def test_exit_from_inside_by_a_signal_of_the_machine_around() -> None:
     assert interpreter.active == {"lamp": "off"}
 
 
+def test_byte_order_mark_of_a_file_is_left_out() -> None:
+    assert parse("\ufeff" + LAMP.strip(), PARTS).spawns[0].machine.place.line == 5
+
+
+def test_warnings_of_a_program_are_at_most_twenty() -> None:
+    text = "(machine m " + "".join(f"(event e{i})" for i in range(300)) + "(state s))(spawn m s)"
+    assert len(parse(text).warnings) == MAX_PROBLEMS
+
+
 def test_equal_texts_are_one_program() -> None:
     assert parse(LAMP, PARTS) is parse(LAMP, PARTS)
 
@@ -234,6 +243,8 @@ def changed(old: str, new: str) -> str:
             "Machine 'lamp' would contain itself",
         ),
         ("(machine m (state a) (state a))(spawn m a)", 1, 22, "Machine 'm' has two states 'a'."),
+        ("(machine m (event w robot.x.read() < 2) (state a))", 1, 26, "brackets: [robot.x.read() < 2]."),
+        ("(machine m (state a (machine n (state b) (exit [1] * -> a))))", 1, 52, "(exit ...) names one state"),
         ("(machine m (state a)", 1, 1, "'(' is not closed. add ')' before the end of the text."),
         ("(machine m (state a)))", 1, 22, "')' closes nothing."),
         ("(machine m (state a (running [x = (1])))", 1, 30, "'(' is closed by ']'."),

@@ -12,6 +12,7 @@ from snr_sim import Config, ListReplayerFactory, Node, SimClock, SimRunner, Time
 from snr_sim.behaviors import Bridge, Drive, MachineFactory, Read, machine_parts, parse
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.reload.watch import WatchLoopFactory
+from snr_sim.prelude.errors import ConfigError
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -81,6 +82,25 @@ def test_text_with_mistakes_changes_nothing(values: list[Any], message: str) -> 
     assert (answer["ok"], answer["program"]) == (False, 1)
     assert answer["problems"][0]["message"] == message
     assert node.get_data("diver")["active"] == {"diver": "rising"}
+
+
+def test_edit_is_logged_with_lines_and_what_to_try(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    run(event_at(0.5, "diver.edit", DIVER.replace("(on deep", "(on depe")), until_s=0.6)
+    (text, after) = caplog.messages[-2:]
+    assert text.splitlines() == [
+        "diver:7:7: There is no event 'depe' here.", "     7    (on depe sinking -> rising)", "              ^^^^",
+        "  Try: did you mean 'deep'? One of: deep, halt.",
+    ]  # fmt: skip
+    assert after == "diver: program 1 continues."
+    run(event_at(0.5, "diver.edit", with_push(9)), until_s=0.6)
+    assert caplog.messages[-1] == "diver: program 2 runs."
+
+
+@pytest.mark.parametrize("name", ["depth", "thrust"])
+def test_machine_that_is_named_as_a_page_of_the_robot_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match=f"named '{name}', and so is a page"):
+        machine_parts(parse(DIVER, BRIDGE.parts), name, bridge=BRIDGE)
 
 
 def test_refused_edit_has_the_present_text() -> None:

@@ -335,16 +335,16 @@ def test_process_that_has_failed_begins_again_when_it_is_attached_again() -> Non
 
 
 def test_values_of_an_event_are_those_of_the_next_state() -> None:
-    class Telling(Echo):
+    class Publisher(Echo):
         def run_state(self) -> Generator[Any, None, None]:
             self.store_data(f"{self.parent.name}.turn", [self.event, list(self.values)])
             yield wait(1.0)
             self.publish_event("EventB" if self.name == "StateB" else "EventA", [7, "m"])
             yield wait(10.0)
 
-    lab = Lab({"P1": Telling}, until_s=1.5).run()
+    lab = Lab({"P1": Publisher}, until_s=1.5).run()
     assert [row[2:] for row in lab.stored if row[3] != "end"] == [("", []), ("EventA", [7, "m"])]
-    lab = Lab({"P1": Telling}, event_at(0.5, "EventA", 5), until_s=0.9).run()
+    lab = Lab({"P1": Publisher}, event_at(0.5, "EventA", 5), until_s=0.9).run()
     assert lab.stored[-1][2:] == ("EventA", [5])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from typing import Any
 
 from snr_sim.behaviors.endpoint import StepLoopFactory
@@ -91,7 +92,7 @@ class FlowEndpoint(Endpoint):
         super().__init__(factory, parent, name)
         self.preempt_deadline_s: float = factory.preempt_deadline_s
         self.outcome: str | None = None
-        self._flow = copy.deepcopy(factory.flow)  # its states belong to this component
+        self._flow = _copy_of(factory.flow)  # its states belong to this component
         self._data = data_copy("userdata", factory.userdata)
         self._execution: SequentialExecution | None = None
         self._last: dict[str, Any] | None = None
@@ -203,3 +204,23 @@ class FlowEndpoint(Endpoint):
                 handlers[TaskType.event, wait.name] = self.on_event
         if handlers.keys() != self.task_handlers.keys():
             self.task_handlers = handlers
+
+
+def _copy_of(flow: Flow) -> Flow:
+    """Return a copy of a flow.
+
+    Raises:
+        ConfigError: a state has an attribute that cannot be copied.
+    """
+    try:
+        return copy.deepcopy(flow)
+    except TypeError as error:
+        for label, one in flow.entries.items():
+            with suppress(TypeError):
+                copy.deepcopy(one)
+                continue
+            raise ConfigError(
+                f"State '{label}' of flow '{flow.name}' has an attribute of which a node can have no copy: {error}.",
+                fix="make it in run(): such as a lock, a file or a connection.",
+            ) from error
+        raise
