@@ -143,5 +143,5 @@ def test_wrong_questions_are_answered(run: Path, record_scenario: object, capsys
         why(record_scenario().path.parent, "", "", 0.0, 1.0, trust=True, as_json=False)  # type: ignore[operator]
     with pytest.raises(UnknownNameError, match="did you mean 'stopped'"):
         why(run, "dora", "stoped", 0.0, 1.0, trust=True, as_json=False)
-    why(run, "dora", "stopped", 0.0, 0.0, trust=True, as_json=False)
+    why(run, "dora", "waiting", 0.0, 9.0, trust=True, as_json=False)
     assert "no transition was looked at" in capsys.readouterr().out

@@ -90,7 +90,6 @@ class FlowEndpoint(Endpoint):
 
     def __init__(self, factory: FlowFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self.preempt_deadline_s: float = factory.preempt_deadline_s
         self.outcome: str | None = None
         self._flow = _copy_of(factory.flow)  # its states belong to this component
         self._data = data_copy("userdata", factory.userdata)
@@ -160,7 +159,8 @@ class FlowEndpoint(Endpoint):
         return self._results(self._execution.begin(step), step, is_new=True)
 
     def _step(self, kind: str = "", name: str = "", value: Any = None) -> Step:
-        return Step(round(self.get_time_s() * NS_PER_S), kind, name, value, [], [])
+        now_ns = round(self.get_time_s() * NS_PER_S)
+        return Step(now_ns, self.factory.preempt_deadline_s, kind, name, value, [], [])
 
     def _advance(self, step: Step) -> list[Task]:
         execution = self._execution

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
-from snr_sim.behaviors.flow.state import NS_PER_S, PREEMPTED, Behavior, Execution, FlowOwner
+from snr_sim.behaviors.flow.state import NS_PER_S, PREEMPTED, Behavior, Execution
 from snr_sim.behaviors.flow.userdata import Scope
 from snr_sim.behaviors.flow.waits import Step, Wait
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import TaskError
 
 
@@ -37,7 +38,7 @@ class SequentialExecution:
     """
 
     def __init__(
-        self, path: str, scope: Scope, owner: FlowOwner, choose: Choose, max_moves: int, *, is_noted: bool
+        self, path: str, scope: Scope, owner: Endpoint, choose: Choose, max_moves: int, *, is_noted: bool
     ) -> None:
         self.scope: Scope = scope
         self._path, self._owner, self._choose = path, owner, choose
