@@ -14,7 +14,6 @@ from typing import Any
 
 from snr_sim.behaviors.context import MAX_SIZE, plain_value, size_of
 
-MAX_WORK = 150_000  # of a step: 35 ms at most, of 380 hostile blocks
 MIN_WORK = 500  # of one block, also if those before it have left less: an emergency stop is not kept from its condition
 MAX_CODE = 10_000  # elements of a block's code, and of the helpers that it calls, as often as it calls them
 MAX_BITS = 1024  # of an integer in a computation

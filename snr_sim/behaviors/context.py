@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, MutableMapping
-from typing import Any, Protocol
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
-from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
 
+if TYPE_CHECKING:
+    import numpy as np
+
+NS_PER_S = 1_000_000_000
 MAX_SIZE = 1000  # elements of a value at all depths; four characters of a text count as one
 MAX_DEPTH = 20  # of tuples in tuples
 _INT64 = 2**63
+MAX_WORK = 150_000  # of the blocks of a step: 35 ms at most, of 380 hostile blocks; see block_bounds.py
 
 
 class Owner(Protocol):
@@ -86,6 +91,81 @@ class Variables(MutableMapping[str, Any]):
                 f"There is no variable '{name}' in this machine.", fix=suggest(name, self._index, "declared are")
             )
         return place
+
+
+class MachineContext:
+    """What the functions of a program are called with.
+
+    Args:
+        owner: the component whose pages are read.
+
+    Attributes:
+        now_ns: time of the step.
+        signal: the values of the signal that caused the step.
+    """
+
+    def __init__(self, owner: Owner, rng: np.random.Generator | None = None) -> None:
+        self._owner = owner
+        self._rng = rng
+        self.machine: Any = None  # the one whose block is executed
+        self.now_ns: int = 0
+        self.signal: Sequence[Any] = ()
+        self.work: int = MAX_WORK  # that blocks may still do in this step: see `block_bounds.py`
+        self.logged: list[str] = []  # in this step
+
+    def data(self, key: DataKey) -> Any:
+        """Return the data of the newest page of a key, or None."""
+        return self._owner.get_data(key)
+
+    def age_s(self, key: DataKey) -> float:
+        """Return the age of that page [s]; infinite without one."""
+        return self._owner.get_age_s(key)
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Return the task that stores data under a key, for a block to return."""
+        return self._owner.store_data_task(key, data, process)
+
+    @property
+    def variables(self) -> Variables:
+        """The variables that the machine sees, by name."""
+        seen: Variables = self.machine.variables
+        return seen
+
+    @property
+    def in_state_s(self) -> float:
+        """Time since the machine entered its state [s]."""
+        since_ns: int = self.machine.since_ns
+        return (self.now_ns - since_ns) / NS_PER_S
+
+    @property
+    def in_state_ms(self) -> float:
+        """Time since the machine entered its state [ms]."""
+        return 1000.0 * self.in_state_s
+
+    def random(self) -> float:
+        """Return a random number from 0 to 1."""
+        return float(self.rng.random())
+
+    def log(self, text: object) -> None:
+        """Log a text, of which 1000 characters are kept, at most 100 times in a step."""
+        if len(self.logged) < 100:
+            self.logged.append(str(text)[:1000])
+
+    @property
+    def has_no_rng(self) -> bool:
+        """Whether the interpreter was given no random generator."""
+        return self._rng is None
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """The random generator of the component.
+
+        Raises:
+            ConfigError: the interpreter was given none.
+        """
+        if self._rng is None:
+            raise ConfigError("This interpreter has no random generator.", fix="Interpreter(program, rng=...).")
+        return self._rng
 
 
 def plain_value(name: str, value: Any) -> Any:

@@ -17,11 +17,11 @@ from typing import Any
 import msgspec
 
 from snr_sim.behaviors.bridge import Bridge
-from snr_sim.behaviors.context import Owner
+from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
 from snr_sim.behaviors.explain import Evaluations
 from snr_sim.behaviors.imports import files_named, texts_of
-from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
+from snr_sim.behaviors.interpreter import Change, Interpreter
 from snr_sim.behaviors.language import parse
 from snr_sim.behaviors.program import Place, Problem, Program, ProgramError, show_problem
 from snr_sim.core.endpoint import Endpoint, EndpointFactory

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.behaviors.block_bounds import MAX_WORK
 from snr_sim.behaviors.bound import BoundBlock, BoundMachine, BoundProgram, BoundState, BoundTransition
 from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
-from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
+from snr_sim.behaviors.context import MAX_WORK, FixedPages, MachineContext, Owner, plain_value
+from snr_sim.behaviors.context import NS_PER_S as NS_PER_S
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
 from snr_sim.behaviors.explain import Evaluations
 from snr_sim.behaviors.program import (
@@ -37,14 +37,12 @@ from snr_sim.behaviors.program import (
 )
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import Task
 
 if TYPE_CHECKING:
     import numpy as np
 
 MAX_CHAIN = 16  # transitions of one machine in one step
 _CHAIN = range(MAX_CHAIN)
-NS_PER_S = 1_000_000_000
 
 
 class Change(msgspec.Struct, frozen=True, gc=False):
@@ -80,81 +78,6 @@ class RunProblem(msgspec.Struct):
     block: str
     message: str
     count: int = 1
-
-
-class MachineContext:
-    """What the functions of a program are called with.
-
-    Args:
-        owner: the component whose pages are read.
-
-    Attributes:
-        now_ns: time of the step.
-        signal: the values of the signal that caused the step.
-    """
-
-    def __init__(self, owner: Owner, rng: np.random.Generator | None = None) -> None:
-        self._owner = owner
-        self._rng = rng
-        self.machine: Any = None  # the one whose block is executed
-        self.now_ns: int = 0
-        self.signal: Sequence[Any] = ()
-        self.work: int = MAX_WORK  # that blocks may still do in this step: see `block_bounds.py`
-        self.logged: list[str] = []  # in this step
-
-    def data(self, key: DataKey) -> Any:
-        """Return the data of the newest page of a key, or None."""
-        return self._owner.get_data(key)
-
-    def age_s(self, key: DataKey) -> float:
-        """Return the age of that page [s]; infinite without one."""
-        return self._owner.get_age_s(key)
-
-    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
-        """Return the task that stores data under a key, for a block to return."""
-        return self._owner.store_data_task(key, data, process)
-
-    @property
-    def variables(self) -> Variables:
-        """The variables that the machine sees, by name."""
-        seen: Variables = self.machine.variables
-        return seen
-
-    @property
-    def in_state_s(self) -> float:
-        """Time since the machine entered its state [s]."""
-        since_ns: int = self.machine.since_ns
-        return (self.now_ns - since_ns) / NS_PER_S
-
-    @property
-    def in_state_ms(self) -> float:
-        """Time since the machine entered its state [ms]."""
-        return 1000.0 * self.in_state_s
-
-    def random(self) -> float:
-        """Return a random number from 0 to 1."""
-        return float(self.rng.random())
-
-    def log(self, text: object) -> None:
-        """Log a text, of which 1000 characters are kept, at most 100 times in a step."""
-        if len(self.logged) < 100:
-            self.logged.append(str(text)[:1000])
-
-    @property
-    def has_no_rng(self) -> bool:
-        """Whether the interpreter was given no random generator."""
-        return self._rng is None
-
-    @property
-    def rng(self) -> np.random.Generator:
-        """The random generator of the component.
-
-        Raises:
-            ConfigError: the interpreter was given none.
-        """
-        if self._rng is None:
-            raise ConfigError("This interpreter has no random generator.", fix="Interpreter(program, rng=...).")
-        return self._rng
 
 
 class Interpreter:

@@ -31,9 +31,8 @@ from functools import partial
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.checks import problems_of
-from snr_sim.behaviors.context import plain_value
+from snr_sim.behaviors.context import NS_PER_S, plain_value
 from snr_sim.behaviors.export import as_text
-from snr_sim.behaviors.interpreter import NS_PER_S
 from snr_sim.behaviors.program import (
     ANY,
     Bindings,

@@ -14,8 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim.behaviors import Interpreter, ProgramError, parse
-from snr_sim.behaviors.block_bounds import MAX_WORK, BlockError
+from snr_sim.behaviors.block_bounds import BlockError
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
+from snr_sim.behaviors.context import MAX_WORK
 from snr_sim.behaviors.program import Bindings, Place
 
 PARTS = {"range": frozenset({"read"}), "motor": frozenset({"start", "stop"})}

@@ -7,10 +7,10 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from typing import Any
 
+from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoopFactory
 from snr_sim.behaviors.flow.flow import Flow
 from snr_sim.behaviors.flow.sequential import SequentialExecution
-from snr_sim.behaviors.flow.state import NS_PER_S
 from snr_sim.behaviors.flow.userdata import data_copy
 from snr_sim.behaviors.flow.waits import Step
 from snr_sim.core.endpoint import Endpoint, EndpointFactory

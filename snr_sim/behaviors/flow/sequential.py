@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
-from snr_sim.behaviors.flow.state import NS_PER_S, PREEMPTED, Behavior, Execution
+from snr_sim.behaviors.context import NS_PER_S
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution
 from snr_sim.behaviors.flow.userdata import Scope
 from snr_sim.behaviors.flow.waits import Step, Wait
 from snr_sim.core.endpoint import Endpoint

@@ -6,6 +6,7 @@ from collections.abc import Generator, Mapping
 from types import GeneratorType
 from typing import TYPE_CHECKING, Any, Protocol
 
+from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.flow.userdata import Userdata, keys_of
 from snr_sim.behaviors.flow.waits import Preempted, Step, Wait
 from snr_sim.core.endpoint import Endpoint
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 PREEMPTED = "preempted"  # the outcome of what was preempted
 MAX_YIELDS = 10_000  # without a wait: then it is a loop without end
-NS_PER_S = 1_000_000_000
 
 
 class Behavior(Protocol):

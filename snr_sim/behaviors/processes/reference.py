@@ -25,8 +25,9 @@ from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, get_args
 
 import msgspec
 
+from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoopFactory
-from snr_sim.behaviors.interpreter import NS_PER_S, Interpreter
+from snr_sim.behaviors.interpreter import Interpreter
 from snr_sim.behaviors.processes.control_process import ControlProcess, ControlProcessFactory
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
