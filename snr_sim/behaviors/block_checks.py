@@ -329,14 +329,21 @@ def _sources(text: str, column: int, kind: Kind) -> Iterator[tuple[str, tuple[in
     padded = " " * (column - 1) + text
     lines = [line for line in padded.splitlines() if line.strip()]
     indent = len(lines[0]) - len(lines[0].lstrip())
-    yield textwrap.dedent(padded), (indent + 1, indent + 1)
+    yield dedented(padded), (indent + 1, indent + 1)
     head, _, rest = text.partition("\n")
     if head.strip() and rest.strip():
         below = [line for line in rest.splitlines() if line.strip()]
         base = min(len(line) - len(line.lstrip()) for line in below)
         first = column + len(head) - len(head.lstrip())
-        yield f"{head.strip()}\n{textwrap.dedent(rest)}", (first, base + 1)
-        yield f"{head.strip()}\n{textwrap.indent(textwrap.dedent(rest), '    ')}", (first, base - 3)
+        yield f"{head.strip()}\n{dedented(rest)}", (first, base + 1)
+        yield f"{head.strip()}\n{textwrap.indent(dedented(rest), '    ')}", (first, base - 3)
+
+
+def dedented(text: str) -> str:
+    """Return a text without the blanks that all its lines begin with. `textwrap.dedent` takes long for many blanks."""
+    lines = text.split("\n")
+    margin = min((len(line) - len(line.lstrip()) for line in lines if line.strip()), default=0)
+    return "\n".join(line[margin:] for line in lines)
 
 
 def _is_plain_constant(node: ast.AST) -> bool:

@@ -8,7 +8,6 @@ guards a robot against mistakes, and a node against text from an unknown client;
 from __future__ import annotations
 
 import ast
-import textwrap
 import warnings
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +15,17 @@ from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.block_bounds import HELPERS, MAX_CODE, MIN_WORK
-from snr_sim.behaviors.block_checks import FUNCTIONS, BlockChecker, Found, Kind, Tree, is_name, part_of, stored_names
+from snr_sim.behaviors.block_checks import (
+    FUNCTIONS,
+    BlockChecker,
+    Found,
+    Kind,
+    Tree,
+    dedented,
+    is_name,
+    part_of,
+    stored_names,
+)
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
 Actions: TypeAlias = tuple[tuple[str, Callable[..., Any]], ...]
@@ -82,7 +91,7 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
     if compiled.make is None:
         return None, problems
     parts = partial(_parts, text, place, scope) if kind == "condition" else None
-    written = textwrap.dedent(" " * (place.column - 1) + text).strip()
+    written = dedented(" " * (place.column - 1) + text).strip()
     drives = frozenset(part for part, _ in compiled.commands if part)
     return (
         Block(written, place, compiled.make, drives, compiled.writes, bool(compiled.commands), parts),
