@@ -59,7 +59,7 @@ class Notes:
         return ""
 
     def forms(self, form: Form, begin: int) -> Iterator[Form]:
-        """Yield the forms in a form, from an index; note what is none."""
+        """Yield the forms in a form, from an index; note anything else."""
         for one in form.items[begin:]:
             if isinstance(one, Form):
                 yield one

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from snr_sim import Config, ListReplayerFactory, Node, SimClock, SimRunner, TimeoutLoopFactory, tasks
 from snr_sim.behaviors import Bridge, Drive, MachineFactory, Read, machine_parts, parse
@@ -141,6 +143,35 @@ def test_edit_that_moves_a_paused_machine_commands_the_robot_when_it_goes() -> N
     node = run(pause, change, event_at(1.4, "diver.go"), until_s=1.45)
     assert node.get_data("thrust") == {"up_n": 33.0}
     assert node.get_data("diver")["entered_s"] == {"diver": 1.4}
+
+
+TEXTS = [
+    DIVER,
+    RISEN,
+    with_push(9),
+    "",
+    DIVER.replace("sinking", "diving"),
+    RISEN.replace("(onexit [", "(onexit [x = "),
+]
+
+
+@given(st.lists(st.sampled_from(["pause", "go", "halt", *range(len(TEXTS))]), max_size=12))
+def test_paused_robot_is_at_neutral_in_any_history(words: list[str | int]) -> None:
+    events = [
+        event_at(0.9 + 0.1 * i, "halt" if word == "halt" else f"diver.{word}")
+        if isinstance(word, str)
+        else event_at(0.9 + 0.1 * i, "diver.edit", TEXTS[word])
+        for i, word in enumerate(words)
+    ]
+    clock, seen = SimClock(), list[Any]()
+    node = Node("r", Config(factories={"r": parts(*events)}), clock=clock)
+    node.add_store_listener("thrust", lambda page: seen.append((diver.is_paused, page.data["up_n"])))
+    node.add_store_listener(
+        "diver", lambda page: seen.append((True, max([0, *page.data["entered_s"].values()]) > clock.now_s()))
+    )
+    diver: Any = node.components["diver"]
+    LockStep([node], clock, until_s=2.3).run()
+    assert not any(value for is_paused, value in seen if is_paused), seen
 
 
 def test_commands_that_stood_before_a_pause_are_given_again() -> None:
