@@ -346,20 +346,13 @@ class Interpreter:
         """Execute a block: all of it, or, if it raises and the program continues, nothing."""
         context = self.context
         context.machine = machine
-        slots = machine.bindings.slots
-        values = None if code.values is None or self._fails else code.values(slots)
-        if code.robot is not None:
-            code.robot.mark()
+        before = code.save() if code.has_effects else None
         try:
             output = code.call(context)
         except Exception as error:
             if self._fails:
                 raise
-            if values is not None:
-                for place, value in zip(code.places, values, strict=True):
-                    slots[place] = value
-            if code.robot is not None:
-                code.robot.undo()
+            code.undo(before)
             self._report(machine, code.block, error)
             return
         if output is not None:

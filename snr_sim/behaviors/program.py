@@ -79,11 +79,13 @@ class Bindings:
         slots: the values of all variables; the list stays the same.
         index: index in it of each variable that can be seen, by name.
         robot: what the program commands, if anything; see `bridge.py`.
+        is_undone: whether a block that raises is undone.
     """
 
     slots: list[Any]
     index: Mapping[str, int]
     robot: Any = None
+    is_undone: bool = True
 
 
 @dataclass(frozen=True)
