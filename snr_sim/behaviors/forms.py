@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from snr_sim.behaviors.program import Block, Place, Problem
@@ -76,6 +76,13 @@ class Notes:
         if not isinstance(item, Word) or not item.text[0].isalpha():
             raise self.shape(form)
         return item.text
+
+    def known(self, item: Item, names: Collection[str], what: str) -> str:
+        """Return the word of an item; it is a mistake, with the nearest one, if it is not among the names."""
+        name = text_of(item)
+        if name not in names:
+            raise self.failed(item.place, f"There is no {what} '{name}' here.", suggest(name, sorted(names)))
+        return name
 
     def shape(self, form: Form) -> FormError:
         """Return the mistake of a form that is not complete, or has too much."""

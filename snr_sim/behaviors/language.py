@@ -358,14 +358,10 @@ class _Language:
     def _machines(self, forms: Iterable[Form]) -> dict[str, _Machine]:
         found = dict[str, _Machine]()
         for form in forms:
-            if first_word(form) == "machine":
-                try:
-                    name = self._notes.name(form, 1)
-                    if name in found:
-                        self._notes.add(form.items[1].place, f"There are two machines '{name}' here.", "rename one.")
-                    found[name] = _Machine(form)
-                except FormError:
-                    continue
+            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "machine" else ():
+                if name in found:
+                    self._notes.add(form.items[1].place, f"There are two machines '{name}' here.", "rename one.")
+                found[name] = _Machine(form)
         return found
 
     # -- forms --------------------------------------------------------------------------------------------------------
@@ -373,11 +369,8 @@ class _Language:
     def _spawn(self, form: Form, names: _Names) -> Spawn:
         if len(form.items) != 3:
             raise self._notes.shape(form)
-        name, initial = self._notes.name(form, 1), self._notes.name(form, 2)
-        if name not in names.machines:
-            raise self._notes.failed(
-                form.items[1].place, f"There is no machine '{name}' here.", suggest(name, names.machines)
-            )
+        initial = self._notes.name(form, 2)
+        name = self._notes.known(form.items[1], names.machines, "machine")
         machine = names.machines[name]
         if machine in self._inside:
             raise self._notes.failed(
@@ -409,12 +402,7 @@ class _Language:
         if kind == "always":
             return Rule("always", code.text if word is None and code is not None else text_of(word), block, form.place)
         states = {one.name for machine in self._made_machines for one in machine.states}
-        if text_of(word) not in states:
-            assert word is not None
-            raise self._notes.failed(
-                word.place, f"There is no state '{text_of(word)}'.", suggest(text_of(word), sorted(states))
-            )
-        return Rule("break", text_of(word), block, form.place)
+        return Rule("break", self._notes.known(items[0], states, "state"), block, form.place)
 
     def _machine(self, machine: _Machine) -> MachineDef:
         if machine.made is None:
@@ -470,14 +458,11 @@ class _Language:
     def _events(self, forms: list[Form], names: _Names) -> dict[str, _Event]:
         found = dict[str, _Event]()
         for form in forms:
-            if first_word(form) == "event":
-                try:
-                    name = self._notes.name(form, 1)
-                    if name in found:
-                        self._notes.add(form.items[1].place, f"There are two events '{name}' here.", "rename one.")
-                    found[name] = self._made_event(form, name, names)
-                except FormError:
-                    continue
+            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "event" else ():
+                if name in found:
+                    self._notes.add(form.items[1].place, f"There are two events '{name}' here.", "rename one.")
+                for event in self._notes.tried(self._made_event, form, name, names):
+                    found[name] = event
         return found
 
     def _made_event(self, form: Form, name: str, names: _Names) -> _Event:
@@ -533,8 +518,8 @@ class _Language:
         name = text_of(ends[3]) if len(ends) == 4 else f"{source}->{target}"
         if not source or not target or not name:
             raise self._notes.shape(form)
-        if source != ANY and source not in states:
-            raise self._notes.failed(ends[0].place, f"There is no state '{source}' here.", suggest(source, states))
+        if source != ANY:
+            self._notes.known(ends[0], states, "state")
         if kind == "exit" and source == ANY:
             raise self._notes.failed(
                 ends[0].place, "(exit ...) names one state that it leaves.", "write one for each state."
@@ -543,9 +528,7 @@ class _Language:
             raise self._notes.failed(
                 form.place, "There is no machine around this one that (exit ...) could leave to.", "write (on ...)."
             )
-        targets = around if kind == "exit" and around is not None else states
-        if target not in targets:
-            raise self._notes.failed(ends[2].place, f"There is no state '{target}' here.", suggest(target, targets))
+        self._notes.known(ends[2], around if kind == "exit" and around is not None else states, "state")
         signal, condition, after_ns = None, None, None
         if kind == "ontime":
             after_ns = self._time(form.items[1], names)
@@ -557,9 +540,7 @@ class _Language:
         """Return the signal or the condition of a transition."""
         if isinstance(item, Code):
             return None, self._notes.needed(self._block(item, "condition", names))
-        name = text_of(item)
-        if name not in names.events:
-            raise self._notes.failed(item.place, f"There is no event '{name}' here.", suggest(name, names.events))
+        name = self._notes.known(item, names.events, "event")
         event = names.events[name]
         event.is_used = True
         return (name, None) if event.condition is None else (None, event.condition)
@@ -574,11 +555,7 @@ class _Language:
                 )
             return int(text) * NS_PER_MS
         if isinstance(item, Word):
-            if text not in names.variables:
-                raise self._notes.failed(
-                    item.place, f"There is no variable '{text}' here.", suggest(text, names.variables)
-                )
-            item = Code(text, item.place)
+            item = Code(self._notes.known(item, names.variables, "variable"), item.place)
         if not isinstance(item, Code):
             raise self._notes.failed(
                 item.place, "A time-out is a number, a variable or [an expression].", "(ontime 300 ...)."

@@ -191,7 +191,7 @@ def test_break_names_its_line_when_its_state_is_entered() -> None:
 @pytest.mark.parametrize(
     ("rule", "message"),
     [
-        ("(break thre)", "There is no state 'thre'."),
+        ("(break thre)", "There is no state 'thre' here."),
         ("(break)", "(break ...) is not complete"),
         ("(always x)", "(always ...) is not complete"),
         ("(always [n <])", "Python"),
