@@ -322,7 +322,11 @@ class Reference(Endpoint):
         self.epoch += 1
         self.phase = "running"
         self._entered_by, self._entered_with = cause.name, cause.values
-        found = [tasks.event(f"{self.name}.transition", [msgspec.structs.asdict(one)]) for one in changes]
+        found = [
+            # Of lines there are none: the table is made in this file.
+            tasks.event(f"{self.name}.transition", [msgspec.structs.asdict(one) | {"line": 0}])
+            for one in changes
+        ]
         return [*found, self._page_task(), *self._next()]
 
     def on_step(self, task: Task, task_id: TaskId) -> SomeTasks:
