@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Drive as Drive
     from snr_sim.behaviors.bridge import Read as Read
     from snr_sim.behaviors.context import FixedPages as FixedPages
+    from snr_sim.behaviors.context import MachineContext as MachineContext
     from snr_sim.behaviors.endpoint import MachineFactory as MachineFactory
     from snr_sim.behaviors.endpoint import StepLoopFactory as StepLoopFactory
     from snr_sim.behaviors.endpoint import machine_parts as machine_parts
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.imports import action as action
     from snr_sim.behaviors.interpreter import Change as Change
     from snr_sim.behaviors.interpreter import Interpreter as Interpreter
-    from snr_sim.behaviors.interpreter import MachineContext as MachineContext
     from snr_sim.behaviors.language import parse as parse
     from snr_sim.behaviors.program import Program as Program
     from snr_sim.behaviors.program import ProgramError as ProgramError

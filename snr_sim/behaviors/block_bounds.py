@@ -1,4 +1,7 @@
-"""What keeps a block of an LRP program bounded while it runs: loops and large values are counted.
+"""What keeps the blocks of an LRP program bounded while they run.
+
+Nothing that a block makes is larger than 1000 elements, 4000 characters or 1024 bits. And a step has an amount of work:
+a turn of a loop costs the size of its code, what is made or looked through costs its elements.
 
 The names in `HELPERS` are those that `blocks.py` puts into the code of a block.
 """
@@ -9,49 +12,54 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from snr_sim.behaviors.context import plain_value
+from snr_sim.behaviors.context import MAX_SIZE, plain_value, size_of
 from snr_sim.prelude.sums import number_sum
 
-MAX_TURNS = 10_000  # of all loops of a block together
-MAX_WORK = 65_536  # elements and characters that a block makes or looks through
-MAX_BITS = 4096  # of an integer in a computation
+MIN_WORK = 500  # of one block, also if those before it have left less: an emergency stop is not kept from its condition
+MAX_CODE = 10_000  # elements of a block's code, and of the helpers that it calls, as often as it calls them
+MAX_BITS = 1024  # of an integer in a computation
+MAX_RANGE = 10_000
+MAX_DIGITS = 100  # of round(): of more Python would compute a large power
+_ATOMS = (float, bool, type(None), range)
 
 
 class BlockError(Exception):
     """A block has taken more than it may."""
 
 
-def _charge(m: Any, amount: int) -> None:
-    m.work -= amount
+def looked_at(m: Any, value: Any) -> Any:
+    """Count the elements of what is looked through, and return it."""
+    m.work -= len(value) if type(value) is range else size_of(value)
     if m.work < 0:
-        raise BlockError(f"The block makes or looks through more than {MAX_WORK} elements.")
+        raise BlockError("The blocks of this step compute too much: shorten loops, tuples and texts.")
+    return value
 
 
-def turns(m: Any, values: Iterable[Any]) -> Iterator[Any]:
-    """Yield the values that a loop goes through, and count them."""
+def made(m: Any, value: Any) -> Any:
+    """Count the elements of what a block has made, and return it."""
+    kind = type(value)
+    if kind in _ATOMS:
+        return value
+    if kind is int:
+        if value.bit_length() > MAX_BITS:
+            raise BlockError(f"An integer has more than {MAX_BITS} bits.")
+        return value
+    _check_size(size_of(value))
+    return looked_at(m, value)
+
+
+def _check_size(size: int) -> None:
+    if size > MAX_SIZE:
+        raise BlockError(f"A tuple or text that the block makes has more than {MAX_SIZE} elements.")
+
+
+def turns(m: Any, cost: int, values: Iterable[Any]) -> Iterator[Any]:
+    """Yield the values that a loop goes through, and count its turns by what one costs."""
     for value in values:
-        m.turns -= 1
-        if m.turns < 0:
-            raise BlockError(f"The loops of the block have more than {MAX_TURNS} turns.")
+        m.work -= cost
+        if m.work < 0:
+            looked_at(m, ())
         yield value
-
-
-def sized(m: Any, value: Any) -> Any:
-    """Count the elements of a text or a tuple, and return it."""
-    if type(value) in (str, tuple, list):
-        _charge(m, len(value))
-    return value
-
-
-def weighed(m: Any, value: Any) -> Any:
-    """Count the elements of a tuple that is made, and those of tuples inside: a tuple of itself doubles each time."""
-    count, inside = 0, [value]
-    while inside and count <= MAX_WORK:
-        one = inside.pop()
-        count += len(one)
-        inside += [child for child in one if type(child) in (tuple, list)]
-    _charge(m, count)
-    return value
 
 
 def counted(m: Any, function: Callable[..., Any], *values: Any, **options: Any) -> Any:
@@ -59,29 +67,18 @@ def counted(m: Any, function: Callable[..., Any], *values: Any, **options: Any) 
     if function is number_sum and (len(values) != 1 or options):
         raise BlockError("sum() takes one value here: numbers.")
     for value in values:
-        sized(m, value)
-    return _whole(sized(m, function(*values, **options)))
-
-
-def _whole(value: Any) -> Any:
-    if type(value) is int and value.bit_length() > MAX_BITS:
-        raise BlockError(f"An integer has more than {MAX_BITS} bits.")
-    return value
-
-
-def add(m: Any, left: Any, right: Any) -> Any:
-    """Return a sum; text and tuples are counted."""
-    sized(m, left)
-    sized(m, right)
-    return _whole(left + right)
+        looked_at(m, value)
+    return made(m, function(*values, **options))
 
 
 def multiply(m: Any, left: Any, right: Any) -> Any:
     """Return a product; repeated text and tuples are counted before they are made."""
     for sequence, times in ((left, right), (right, left)):
         if type(sequence) in (str, tuple, list) and isinstance(times, int):
-            _charge(m, len(sequence) * max(0, times))
-    return _whole(left * right)
+            _check_size(size_of(sequence) * times)
+            if type(sequence) is str:  # its size is 0 if it is short
+                _check_size(len(sequence) * times // 4)
+    return made(m, left * right)
 
 
 def power(m: Any, base: Any, exponent: Any) -> Any:
@@ -106,33 +103,32 @@ def modulo(m: Any, left: Any, right: Any) -> Any:
 
 
 def bounded_range(*values: Any) -> range:
-    """Return a range of at most `MAX_TURNS` numbers."""
+    """Return a range of at most `MAX_RANGE` numbers."""
     made = range(*values)
     try:
-        is_short = len(made) <= MAX_TURNS
+        is_short = len(made) <= MAX_RANGE
     except OverflowError:
         is_short = False
     if not is_short:
-        raise BlockError(f"A range has more than {MAX_TURNS} numbers.")
+        raise BlockError(f"A range has more than {MAX_RANGE} numbers.")
     return made
 
 
 def bounded_round(value: Any, digits: Any = None) -> Any:
-    """Return a rounded number; of an integer and many negative digits Python would compute a huge power."""
-    if digits is not None and not (isinstance(digits, int) and abs(digits) <= 400):
+    """Return a rounded number."""
+    if digits is not None and not (isinstance(digits, int) and abs(digits) <= MAX_DIGITS):
         raise BlockError(f"round() to {digits!r:.20} digits.")
     return round(value, digits)
 
 
-def plain(name: str, value: Any) -> Any:
-    """Return a value as a variable keeps it; `name` has " and " for several variables that are assigned at once."""
-    if type(value) is tuple and " and " in name:  # several variables at once
-        return tuple(plain_value(name, one) for one in value)
-    return plain_value(name, value)
+def plain_each(names: str, value: Any) -> Any:
+    """Return a value as several variables that are assigned at once keep it."""
+    return tuple(plain_value(names, one) for one in value) if type(value) is tuple else plain_value(names, value)
 
 
 HELPERS: dict[str, Any] = {
-    "_turns": turns, "_sized": sized, "_weighed": weighed, "_counted": counted, "_add": add,
-    "_multiply": multiply, "_power": power, "_shift": shift, "_modulo": modulo, "_plain": plain,
+    "_turns": turns, "_looked_at": looked_at, "_made": made, "_counted": counted, "_multiply": multiply,
+    "_power": power, "_shift": shift, "_modulo": modulo, "_plain": plain_value,
+    "_plain_each": plain_each,
     "range": bounded_range, "round": bounded_round, "math": math, "tuple": tuple,
 }  # fmt: skip

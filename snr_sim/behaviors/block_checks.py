@@ -7,6 +7,7 @@ import re
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Mapping
+from keyword import kwlist
 from typing import Any, Literal, TypeAlias
 
 from snr_sim.prelude.errors import suggest
@@ -33,6 +34,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "zip": zip, "list": tuple, "reversed": reversed,
 }  # fmt: skip
 _SPECIAL = ("robot", "now_ms", "in_state_ms", "signal", "random", "log", "math", "range", "round")
+RESERVED = frozenset((*_SPECIAL, *FUNCTIONS, *kwlist))  # which a program cannot declare
+# How many values the functions of parts take.
+_COUNTS = {"read": 0, "age_ms": 0, "read_since_entry": 0, "start": 1, "stop": 0}
 _STATEMENTS = (ast.Assign, ast.AugAssign, ast.If, ast.For, ast.Pass, ast.Expr)
 _EXPRESSIONS = (
     ast.Constant, ast.Name, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.Attribute,
@@ -92,9 +96,7 @@ class BlockChecker:
         if not self._is_flat(tree):
             self._add(0, column, 0, column, "The block is nested too deeply.", f"at most {MAX_NESTING} levels.")
             return None
-        self._local_names = {
-            node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-        } - self.variables
+        self._local_names = stored_names(tree)
         if kind == "condition":
             assert isinstance(tree, ast.Expression)
             self._check(tree.body)
@@ -185,7 +187,7 @@ class BlockChecker:
                 self._check_target(one)
         elif not isinstance(node, ast.Name):
             self._report(node, "Only variables can be assigned.", "name = value; for a part, robot.part.start(value).")
-        elif node.id.startswith("_") or node.id in (*_SPECIAL, *FUNCTIONS, *self.definitions, *self.actions):
+        elif node.id.startswith("_") or node.id in (*RESERVED, *self.definitions, *self.actions):
             self._report(node, f"'{node.id}' cannot be assigned.", "choose another name.")
 
     def _check(self, node: ast.expr) -> None:
@@ -207,13 +209,17 @@ class BlockChecker:
         elif isinstance(node, ast.Compare) and any(isinstance(one, (ast.Is, ast.IsNot)) for one in node.ops):
             self._check_identity(node)
         elif isinstance(node, (ast.ListComp, ast.GeneratorExp)):
+            outer = self._local_names
             for one in node.generators:
                 if one.is_async:
                     self._refuse(node)
+                self._check(one.iter)
                 self._check_target(one.target)
-                for part in (one.iter, *one.ifs):
-                    self._check(part)
+                self._local_names = self._local_names | stored_names(one.target)
+                for test in one.ifs:
+                    self._check(test)
             self._check(node.elt)
+            self._local_names = outer
         else:
             for child in ast.iter_child_nodes(node):
                 if isinstance(child, ast.expr):
@@ -244,6 +250,10 @@ class BlockChecker:
         if isinstance(node.value, ast.Name) and node.value.id == "math":
             if node.attr not in _MATH:
                 self._report(node, f"There is no 'math.{node.attr}' here.", suggest(node.attr, _MATH))
+        elif part_of(node) is not None or (is_name(node.value, "robot") and node.attr == "stop"):
+            self._check_call(ast.copy_location(ast.Call(node, [ast.Constant(0)] * _COUNTS.get(node.attr, 0), []), node))
+            values = "value" if node.attr == "start" else ""
+            self._report(node, f"'{ast.unparse(node)}' must be called.", f"{ast.unparse(node)}({values}).")
         elif is_name(node.value, "robot") and (self.parts is None or node.attr in self.parts):
             self._report(node, f"'robot.{node.attr}' alone is not a value.", f"robot.{node.attr}.read(), for example.")
         elif is_name(node.value, "robot"):
@@ -263,6 +273,7 @@ class BlockChecker:
             elif verb not in self.parts[part]:
                 self._report(function, f"'robot.{part}' has no '{verb}'.", suggest(verb, self.parts[part]))
         elif isinstance(function, ast.Attribute) and is_name(function.value, "robot"):
+            self.called.add(("", function.attr))
             if function.attr != "stop":
                 self._report(function, f"'robot.{function.attr}()' cannot be called.", "robot.stop(), or a part's.")
         elif isinstance(function, ast.Attribute):
@@ -277,6 +288,10 @@ class BlockChecker:
                 self._report(function, f"'{function.id}' cannot be called.", suggest(function.id, known))
         else:
             self._report(function, "Only names, parts of the robot and math can be called.")
+        name = function.attr if isinstance(function, ast.Attribute) and not is_name(function.value, "math") else ""
+        if len(node.args) != _COUNTS.get(name, len(node.args)):
+            example = f"{ast.unparse(function)}({'50' if _COUNTS[name] else ''})."
+            self._report(node, f"'{name}' takes {_COUNTS[name]} values, and is given {len(node.args)}.", example)
         for argument in node.args:
             self._check(argument)
         is_sorting = is_name(function, "sorted") or is_name(function, "max") or is_name(function, "min")
@@ -315,18 +330,33 @@ def _sources(text: str, column: int, kind: Kind) -> Iterator[tuple[str, tuple[in
     padded = " " * (column - 1) + text
     lines = [line for line in padded.splitlines() if line.strip()]
     indent = len(lines[0]) - len(lines[0].lstrip())
-    yield textwrap.dedent(padded), (indent + 1, indent + 1)
+    yield dedented(padded), (indent + 1, indent + 1)
     head, _, rest = text.partition("\n")
     if head.strip() and rest.strip():
         below = [line for line in rest.splitlines() if line.strip()]
         base = min(len(line) - len(line.lstrip()) for line in below)
         first = column + len(head) - len(head.lstrip())
-        yield f"{head.strip()}\n{textwrap.dedent(rest)}", (first, base + 1)
-        yield f"{head.strip()}\n{textwrap.indent(textwrap.dedent(rest), '    ')}", (first, base - 3)
+        yield f"{head.strip()}\n{dedented(rest)}", (first, base + 1)
+        yield f"{head.strip()}\n{textwrap.indent(dedented(rest), '    ')}", (first, base - 3)
+
+
+def dedented(text: str) -> str:
+    """Return a text without the blanks that all its lines begin with. `textwrap.dedent` takes long for many blanks."""
+    lines = text.split("\n")
+    margin = min((len(line) - len(line.lstrip()) for line in lines if line.strip()), default=0)
+    return "\n".join(line[margin:] for line in lines)
 
 
 def _is_plain_constant(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and not isinstance(node.value, str)
+
+
+def stored_names(node: ast.AST) -> set[str]:
+    """Return the names that a node assigns; those of a comprehension are its own."""
+    found = {node.id} if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else set()
+    if not isinstance(node, (ast.ListComp, ast.GeneratorExp)):
+        found.update(name for child in ast.iter_child_nodes(node) for name in stored_names(child))
+    return found
 
 
 def is_name(node: ast.AST, name: str) -> bool:

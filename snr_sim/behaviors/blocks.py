@@ -14,12 +14,46 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
-from snr_sim.behaviors.block_bounds import HELPERS, MAX_TURNS, MAX_WORK
-from snr_sim.behaviors.block_checks import FUNCTIONS, BlockChecker, Found, Kind, Tree, is_name, part_of
+from snr_sim.behaviors.block_bounds import HELPERS, MAX_CODE, MIN_WORK
+from snr_sim.behaviors.block_checks import (
+    FUNCTIONS,
+    BlockChecker,
+    Found,
+    Kind,
+    Tree,
+    dedented,
+    is_name,
+    part_of,
+    stored_names,
+)
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
-# A helper: its parameters, its expression, and the keys of the variables that it sees, by name.
-Definition: TypeAlias = tuple[tuple[str, ...], str, tuple[tuple[str, str], ...]]
+Actions: TypeAlias = tuple[tuple[str, Callable[..., Any]], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Definition:
+    """A helper, with what its expression may name: keys of variables, helpers, and actions, by name."""
+
+    parameters: tuple[str, ...]
+    text: str
+    variables: tuple[tuple[str, str], ...]
+    definitions: tuple[tuple[str, Definition], ...]
+    actions: Actions
+    cost: int  # of its code, and that of the helpers which it calls
+
+
+@lru_cache(maxsize=4096)
+def define(
+    parameters: tuple[str, ...],
+    text: str,
+    variables: tuple[tuple[str, str], ...],
+    definitions: tuple[tuple[str, Definition], ...],
+    actions: Actions = (),
+) -> Definition:
+    """Return a helper. Equal ones are one object: so a block that calls it is not compiled again after an edit."""
+    cost = cost_of(_expression(text), {name: one.cost for name, one in definitions})
+    return Definition(parameters, text, variables, definitions, actions, cost)
 
 
 @dataclass(frozen=True)
@@ -28,7 +62,7 @@ class Scope:
 
     Args:
         variables: of the program, as seen from the block: the key of each by its name.
-        definitions: helpers by name; each may call those before it.
+        definitions: helpers by name.
         parts: of the robot: names of the functions of each; None if any part may be named.
         actions: functions of a Python file, by name.
     """
@@ -57,13 +91,18 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
     if compiled.make is None:
         return None, problems
     parts = partial(_parts, text, place, scope) if kind == "condition" else None
-    return Block(" ".join(text.split()), place, compiled.make, compiled.drives, parts), problems
+    written = dedented(" " * (place.column - 1) + text).strip()
+    drives = frozenset(part for part, _ in compiled.commands if part)
+    return (
+        Block(written, place, compiled.make, drives, compiled.writes, bool(compiled.commands), parts),
+        problems,
+    )
 
 
 def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
     """Return the parts of an expression whose values explain it, each once: calls, variables, what is compared."""
     found: dict[str, None] = {}
-    left: list[ast.AST] = [ast.parse(f"({text}\n)", mode="eval").body]
+    left: list[ast.AST] = [_expression(text)]
     while left:
         node = left.pop(0)
         if isinstance(node, (ast.BoolOp, ast.Compare, ast.UnaryOp, ast.BinOp, ast.IfExp)):
@@ -76,9 +115,23 @@ def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
 
 @dataclass(frozen=True)
 class _Compiled:
-    make: Callable[[Bindings], Callable[[Any], Any]] | None
+    make: _Make | None
     problems: tuple[Found, ...]
-    drives: frozenset[str] = frozenset()
+    commands: frozenset[tuple[str, str]] = frozenset()  # part and function; part "" of robot.stop()
+    writes: frozenset[str] = frozenset()  # keys of variables
+
+
+@dataclass(frozen=True)
+class _Make:
+    """Binds a block to its place. Equal ones do the same: their texts mean the same, and draw no random number."""
+
+    meaning: object
+    make: Callable[..., Callable[[Any], Any]] = field(compare=False)
+    keys: tuple[str, ...]
+
+    def __call__(self, bindings: Bindings) -> Callable[[Any], Any]:
+        """Return the function of the context."""
+        return self.make(bindings.slots, bindings.robot, *(bindings.index[key] for key in self.keys))
 
 
 @lru_cache(maxsize=4096)
@@ -89,33 +142,50 @@ def _compile(
     variables: tuple[tuple[str, str], ...],
     definitions: tuple[tuple[str, Definition], ...],
     parts: tuple[tuple[str, tuple[str, ...]], ...] | None,
-    actions: tuple[tuple[str, Callable[..., Any]], ...],
+    actions: Actions,
 ) -> _Compiled:
     """Compile a text once for all places where it means the same; lines of problems count from its first one."""
-    arguments = {name: given for name, (given, _, _) in definitions}
+    arguments = {name: one.parameters for name, one in definitions}
     known = None if parts is None else {name: set(verbs) for name, verbs in parts}
     checker = BlockChecker(frozenset(dict(variables)), arguments, known, frozenset(dict(actions)))
     tree = checker.parse(text, column, kind)
     if tree is None or checker.has_errors:
         return _Compiled(None, tuple(checker.problems))
-    drives = frozenset(part for part, verb in checker.called if verb in ("start", "stop"))
-    return _Compiled(_make(tree, dict(variables), definitions, dict(actions)), tuple(checker.problems), drives)
+    commands = frozenset(one for one in checker.called if one[1] in ("start", "stop"))
+    keys = dict(variables)
+    writes = frozenset(keys[name] for name in stored_names(tree) if name in keys)
+    if cost_of(tree, {name: one.cost for name, one in definitions}) > MAX_CODE:
+        large = 0, column, 0, column, "The block and the helpers that it calls are too large.", "simplify them.", True
+        return _Compiled(None, (*checker.problems, large))
+    return _Compiled(_make(tree, variables, definitions, actions), tuple(checker.problems), commands, writes)
+
+
+_HELPER_OF: dict[type[ast.operator], str] = {
+    ast.Mult: "_multiply", ast.Pow: "_power", ast.LShift: "_shift", ast.Mod: "_modulo",
+}  # fmt: skip
 
 
 class _Rewriter(ast.NodeTransformer):
     """Replaces variables by places in a list, and what could take long by calls that count it."""
 
-    def __init__(
-        self,
-        variables: Mapping[str, str],
-        definitions: frozenset[str],
-        places: dict[str, str],
-        actions: Container[str],
-    ) -> None:
-        self.variables, self.definitions, self.actions = variables, definitions, actions
-        self.places = places  # name of the index of each variable that is used, by key
+    def __init__(self) -> None:
+        self.variables: Mapping[str, str] = {}
+        self.definitions: Mapping[str, Definition] = {}
+        self.actions: Mapping[str, Callable[..., Any]] = {}
+        self.costs: Mapping[str, int] = {}
+        self.places: dict[str, str] = {}  # name of the index of each variable that is used, by key
         self.calls: set[tuple[str, str]] = set()  # functions of parts that are used
+        self.helpers: dict[Definition, str] = {}  # names of those that are called, in order of their first call
+        self.known: dict[str, Any] = {**FUNCTIONS, **HELPERS, "__builtins__": {}}
         self.is_counting = False
+        self.is_random = False
+
+    def enter(
+        self, variables: Mapping[str, str], definitions: tuple[tuple[str, Definition], ...], actions: Actions
+    ) -> None:
+        """Begin with a piece of code that may name these."""
+        self.variables, self.definitions, self.actions = variables, dict(definitions), dict(actions)
+        self.costs = {name: one.cost for name, one in definitions}
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         if node.id in self.variables:
@@ -141,11 +211,13 @@ class _Rewriter(ast.NodeTransformer):
         """Return a value as it is kept: of a program's variable, a plain one."""
         names = [one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)]
         if any(name in self.variables for name in names):
-            return _helper("_plain", ast.Constant(" and ".join(names)), value)
+            helper = "_plain" if len(names) == 1 else "_plain_each"
+            return _helper(helper, ast.Constant(" and ".join(names)), value)
         return value
 
     def visit_For(self, node: ast.For) -> ast.AST:
-        node.iter = self._turns(self.visit(node.iter))
+        cost = sum(cost_of(one, self.costs) for one in node.body)  # exact: integers
+        node.iter = self._turns(cost, self.visit(node.iter))
         inner = ast.Name("_each", ast.Store()) if _names_any(node.target, self.variables) else None
         if inner is not None:  # a program's variable is assigned as in an assignment
             first = ast.Assign([node.target], ast.Name("_each", ast.Load()))
@@ -161,70 +233,59 @@ class _Rewriter(ast.NodeTransformer):
         return self._comprehension(ast.ListComp(node.elt, node.generators))
 
     def _comprehension(self, node: ast.ListComp) -> ast.expr:
+        cost = cost_of(node, self.costs)
+        outer, own = self.variables, {name for one in node.generators for name in stored_names(one.target)}
         for one in node.generators:
-            one.iter = self._turns(self.visit(one.iter))
+            one.iter = self._turns(cost, self.visit(one.iter))
+            # Its own names hide variables, as in Python: everywhere but where the first values come from.
+            self.variables = {key: place for key, place in outer.items() if key not in own}
             one.ifs = [self.visit(test) for test in one.ifs]
         node.elt = self.visit(node.elt)
-        return _helper("_weighed", ast.Name("_m", ast.Load()), _helper("tuple", node))
+        self.variables = outer
+        return self._counting("_made", _helper("tuple", node))
 
-    def _turns(self, iterable: ast.expr) -> ast.expr:
+    def _turns(self, cost: int, iterable: ast.expr) -> ast.expr:
+        return self._counting("_turns", ast.Constant(cost), iterable)
+
+    def _counting(self, name: str, *arguments: ast.expr) -> ast.expr:
         self.is_counting = True
-        return _helper("_turns", ast.Name("_m", ast.Load()), iterable)
+        return _helper(name, ast.Name("_m", ast.Load()), *arguments)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
-        left, right = self.visit(node.left), self.visit(node.right)
-        name = {ast.Mult: "_multiply", ast.Pow: "_power", ast.LShift: "_shift", ast.Add: "_add", ast.Mod: "_modulo"}
-        used = name.get(type(node.op))
-        is_plain = type(node.op) in (ast.Mult, ast.Mod) and any(
-            isinstance(one, ast.Constant) and type(one.value) is float for one in (node.left, node.right)
-        )
-        if type(node.op) is ast.Add:  # a number and anything else than a number cannot be added
-            is_plain = any(
-                isinstance(one, ast.Constant) and type(one.value) in (int, float) for one in (node.left, node.right)
-            )
-        if used is None or is_plain:
-            return ast.BinOp(left, node.op, right)
-        self.is_counting = True
-        return _helper(used, ast.Name("_m", ast.Load()), left, right)
+        left, right, kind = self.visit(node.left), self.visit(node.right), type(node.op)
+        made = ast.BinOp(left, node.op, right)
+        constants = [type(one.value) for one in (node.left, node.right) if isinstance(one, ast.Constant)]
+        if kind in _HELPER_OF and float not in constants:
+            return self._counting(_HELPER_OF[kind], left, right)
+        # Of a number and anything else than a number there is no sum.
+        return made if kind is not ast.Add or float in constants or int in constants else self._counting("_made", made)
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
-        simple = (ast.Constant, ast.Call)
-        left, right = self.visit(node.left), [self.visit(one) for one in node.comparators]
-        if any(isinstance(one, simple) and _is_number_or_reading(one) for one in (node.left, *node.comparators)):
-            return ast.Compare(left, node.ops, right)
-        self.is_counting = True
-        return ast.Compare(self._sized(left), node.ops, [self._sized(one) for one in right])
-
-    def _sized(self, value: ast.expr) -> ast.expr:
-        return _helper("_sized", ast.Name("_m", ast.Load()), value)
+        values = [node.left, *node.comparators]
+        is_search = any(isinstance(one, (ast.In, ast.NotIn)) for one in node.ops)
+        is_plain = not is_search and any(_is_number_or_reading(one) for one in values)
+        left, *right = (
+            one if is_plain else self._counting("_looked_at", one) for one in [self.visit(one) for one in values]
+        )
+        return ast.Compare(left, node.ops, right)
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
-        value, index = self.visit(node.value), self.visit(node.slice)
-        made = ast.Subscript(value, index, node.ctx)
-        if not isinstance(node.slice, ast.Slice):
-            return made
-        self.is_counting = True
-        return self._sized(made)
+        made = ast.Subscript(self.visit(node.value), self.visit(node.slice), node.ctx)
+        return self._counting("_made", made) if isinstance(node.slice, ast.Slice) else made
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.expr:
-        self.is_counting = True
-        made = [
-            ast.FormattedValue(self._sized(self.visit(one.value)), one.conversion, one.format_spec)
-            if isinstance(one, ast.FormattedValue)
-            else one
-            for one in node.values
-        ]
-        return self._sized(ast.JoinedStr(made))
+        for one in node.values:
+            if isinstance(one, ast.FormattedValue):
+                one.value = self._counting("_looked_at", self.visit(one.value))
+        return self._counting("_made", node)
 
     def visit_List(self, node: ast.List) -> ast.expr:
         return self.visit_Tuple(ast.Tuple(node.elts, node.ctx))
 
     def visit_Tuple(self, node: ast.Tuple) -> ast.expr:
         made = ast.Tuple([self.visit(one) for one in node.elts], node.ctx)
-        if not isinstance(node.ctx, ast.Load) or not node.elts:
-            return made
-        self.is_counting = True
-        return _helper("_weighed", ast.Name("_m", ast.Load()), made)
+        is_made = isinstance(node.ctx, ast.Load) and not all(isinstance(one, ast.Constant) for one in node.elts)
+        return self._counting("_made", made) if is_made else made
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         arguments = [self.visit(one) for one in node.args]
@@ -237,19 +298,35 @@ class _Rewriter(ast.NodeTransformer):
                 return ast.Call(ast.Name(f"_{part[0]}_{part[1]}", ast.Load()), arguments, [])
             if is_name(function.value, "robot"):
                 return ast.Call(ast.Attribute(ast.Name("_robot", ast.Load()), "stop", ast.Load()), arguments, [])
+            if function.attr == "dist":
+                arguments = [self._counting("_looked_at", one) for one in arguments]
             return ast.Call(function, arguments, [])
         assert isinstance(function, ast.Name)
-        if function.id in ("random", "log"):
+        if function.id == "random":
+            self.is_random = True
             return ast.Call(_attribute(function.id), arguments, [])
+        if function.id == "log":
+            return ast.Call(_attribute(function.id), [self._counting("_looked_at", one) for one in arguments], [])
         if function.id in self.definitions:
-            return _helper(f"_def_{function.id}", ast.Name("_m", ast.Load()), *arguments)
+            name = self.helpers.setdefault(self.definitions[function.id], f"_def_{len(self.helpers)}")
+            return _helper(name, ast.Name("_m", ast.Load()), *arguments)
         if function.id in self.actions:
-            return _helper(f"_act_{function.id}", *arguments)
-        if function.id in ("abs", "bool", "float", "len"):  # take no longer for what is large
+            name = f"_act_{function.id}"
+            while self.known.setdefault(name, self.actions[function.id]) is not self.actions[function.id]:
+                name += "_"  # another file has one of this name
+            return _helper(name, *arguments)
+        if function.id in ("abs", "bool", "len"):  # take no longer for what is large
             return ast.Call(function, arguments, [])
-        self.is_counting = True
-        called = ast.Name(function.id, ast.Load())
-        return ast.Call(ast.Name("_counted", ast.Load()), [ast.Name("_m", ast.Load()), called, *arguments], keywords)
+        made = self._counting("_counted", ast.Name(function.id, ast.Load()), *arguments)
+        assert isinstance(made, ast.Call)
+        made.keywords = keywords
+        return made
+
+
+def cost_of(node: ast.AST, costs: Mapping[str, int]) -> int:
+    """Return the size of a piece of code, with that of the helpers that it calls."""
+    own = [one for one in ast.walk(node) if isinstance(one, (ast.expr, ast.stmt))]
+    return sum(4 * isinstance(one, ast.Call) + costs.get(getattr(one, "id", ""), 1) for one in own)  # exact: integers
 
 
 def _attribute(name: str) -> ast.expr:
@@ -272,49 +349,40 @@ def _is_number_or_reading(node: ast.expr) -> bool:
 
 def _make(
     tree: Tree,
-    variables: Mapping[str, str],
+    variables: tuple[tuple[str, str], ...],
     definitions: tuple[tuple[str, Definition], ...],
-    actions: Mapping[str, Callable[..., Any]],
-) -> Callable[[Bindings], Callable[[Any], Any]]:
+    actions: Actions,
+) -> _Make:
     """Return what binds a block to its place: `make(_v, _robot, indices)` returns the function of the context `_m`."""
-    names = frozenset(name for name, _ in definitions)
-    places = dict[str, str]()
-    rewriter = _Rewriter(variables, names, places, actions)
-    used = _called(tree, names)
-    body: list[ast.stmt]
+    rewriter, text = _Rewriter(), ast.unparse(tree)
+    rewriter.enter(dict(variables), definitions, actions)
     if isinstance(tree, ast.Expression):
-        body = [ast.Return(rewriter.visit(tree.body))]
+        body: list[ast.stmt] = [ast.Return(rewriter.visit(tree.body))]
     else:
         body = [rewriter.visit(one) for one in tree.body]
     helpers: list[ast.stmt] = []
-    for name, (given, text, seen) in reversed(definitions):  # one may call those before it
-        if name in used:
-            expression = ast.parse(f"({text}\n)", mode="eval").body
-            used |= _called(expression, names)
-            inner = _Rewriter({key: place for key, place in seen if key not in given}, names, places, actions)
-            made = ast.Return(inner.visit(expression))
-            helpers.insert(0, _function(f"_def_{name}", ["_m", *given], [made]))
-            rewriter.calls |= inner.calls
-            rewriter.is_counting = rewriter.is_counting or inner.is_counting
+    while len(helpers) < len(rewriter.helpers):
+        one, name = list(rewriter.helpers.items())[len(helpers)]
+        seen = {key: place for key, place in one.variables if key not in one.parameters}
+        rewriter.enter(seen, one.definitions, one.actions)
+        helpers.append(_function(name, ["_m", *one.parameters], [ast.Return(rewriter.visit(_expression(one.text)))]))
     if rewriter.is_counting:
-        body = [*ast.parse(f"_m.turns = {MAX_TURNS}; _m.work = {MAX_WORK}").body, *body]
+        body = [*ast.parse(f"if _m.work < {MIN_WORK}: _m.work = {MIN_WORK}").body, *body]
     prepared = [ast.parse(f"_{part}_{verb} = _robot.{part}.{verb}").body[0] for part, verb in sorted(rewriter.calls)]
     block = _function("block", ["_m"], body)
     result = ast.Return(ast.Name("block", ast.Load()))
-    outer = _function("make", ["_v", "_robot", *places.values()], [*prepared, *helpers, block, result])
+    outer = _function("make", ["_v", "_robot", *rewriter.places.values()], [*prepared, *helpers, block, result])
     module = ast.fix_missing_locations(ast.Module([outer], []))
-    called = {f"_act_{name}": function for name, function in actions.items()}
-    known: dict[str, Any] = {**FUNCTIONS, **HELPERS, **called, "__builtins__": {}}
     with warnings.catch_warnings():  # such as of (-1)[0], which fails when it is executed
         warnings.simplefilter("ignore")
         code = compile(module, "<block>", "exec")
-    exec(code, known)
-    make = known["make"]
-    return lambda bindings: make(bindings.slots, bindings.robot, *(bindings.index[key] for key in places))
+    exec(code, rewriter.known)
+    meaning = object() if rewriter.is_random else (text, variables, definitions, actions)
+    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places))
 
 
-def _called(tree: ast.AST, names: frozenset[str]) -> set[str]:
-    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and node.id in names}
+def _expression(text: str) -> ast.expr:
+    return ast.parse(f"({text}\n)", mode="eval").body
 
 
 def _function(name: str, parameters: list[str], body: list[ast.stmt]) -> ast.FunctionDef:

@@ -6,6 +6,7 @@ Nothing here is executed; what is made once here is not looked up in each step.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from operator import itemgetter
 from typing import Any
 
 from snr_sim.behaviors.bridge import Robot
@@ -26,13 +27,33 @@ from snr_sim.behaviors.program import (
 
 
 class BoundBlock:
-    """A block that is bound to its place."""
+    """A block that is bound to its place. `has_effects`: there may be something to undo."""
 
-    __slots__ = ("block", "call")
+    __slots__ = ("_places", "_robot", "_slots", "_values", "block", "call", "has_effects")
 
     def __init__(self, block: Block, bindings: Bindings) -> None:
         self.block: Block = block
         self.call: Callable[[Any], Any] = block.bind(bindings)
+        names = bindings.index if block.writes is None else block.writes
+        places = sorted({bindings.index[name] for name in names})
+        self._places = places * 2 if len(places) == 1 else places  # of one index a getter returns no tuple
+        self._values = itemgetter(*self._places) if places else None
+        self._slots = bindings.slots
+        self._robot: Robot | None = bindings.robot if block.is_commanding else None
+        self.has_effects: bool = bindings.is_undone and (bool(places) or self._robot is not None)
+
+    def save(self) -> Any:
+        """Return what `undo` needs."""
+        if self._robot is not None:
+            self._robot.mark()
+        return None if self._values is None else self._values(self._slots)
+
+    def undo(self, values: Any) -> None:
+        """Undo what the block has assigned and commanded since."""
+        if self._robot is not None:
+            self._robot.undo()
+        for place, value in zip(self._places, values or (), strict=True):
+            self._slots[place] = value
 
 
 class BoundState:
@@ -118,14 +139,14 @@ class BoundProgram:
         self.places: dict[str, int] = {}
         self.first_values: dict[str, Any] = {}
         self.machines: dict[str, BoundMachine] = {}
-        self._robot = robot
+        self._robot, self._is_undone = robot, program.on_error != "fail"
         index = self._declare(program.variables, "", {})
         self.top: list[tuple[BoundMachine, str]] = [
             (self._build(name, spawn, None, index), spawn.initial) for name, spawn in with_names(program.spawns)
         ]
         for one in self.machines.values():
             _add_rows(one, evaluations)
-        bindings = Bindings(self.slots, index, robot)
+        bindings = Bindings(self.slots, index, robot, self._is_undone)
         self.rules: list[tuple[Rule, Callable[[Any], Any] | None]] = [
             (rule, None if rule.condition is None else rule.condition.bind(bindings)) for rule in program.rules
         ]
@@ -143,7 +164,7 @@ class BoundProgram:
     def _build(self, path: str, spawn: Spawn, parent: BoundMachine | None, seen: Mapping[str, int]) -> BoundMachine:
         definition = spawn.machine
         index = self._declare(definition.variables, f"{path}.", seen)
-        machine = BoundMachine(path, definition, parent, Bindings(self.slots, index, self._robot))
+        machine = BoundMachine(path, definition, parent, Bindings(self.slots, index, self._robot, self._is_undone))
         self.machines[path] = machine
         for state in definition.states:
             inner = [
@@ -174,12 +195,10 @@ def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations
     bindings = machine.bindings
     arrow = BoundTransition(transition, bindings, mover.states[transition.target])
     holds = None if condition is None else condition.bind(bindings)
-    if isinstance(after, Block):
-        holds = _with_time(after.bind(bindings), holds)
-        after = None
+    due = after.bind(bindings) if isinstance(after, Block) else after
     if evaluations is not None:
-        return None, watched(machine, transition, after, holds, bindings, evaluations), arrow
-    return after, holds, arrow
+        return None, watched(machine, transition, due, holds, bindings, evaluations), arrow
+    return (due, holds, arrow) if not callable(due) else (None, _with_time(due, holds), arrow)
 
 
 def _with_time(after_ns: Callable[[Any], Any], condition: Callable[[Any], Any] | None) -> Callable[[Any], Any]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from keyword import iskeyword
 from typing import Any
 
 from snr_sim.behaviors.context import Owner
@@ -21,6 +22,8 @@ from snr_sim.prelude.task import Task
 
 READ_FUNCTIONS = frozenset({"read", "age_ms", "read_since_entry"})
 DRIVE_FUNCTIONS = frozenset({"start", "stop"})
+# Ages are differences of times, and rounded. A reading of the moment in which a state is entered is what caused it.
+SAME_MOMENT_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class Bridge:
             how often the page has been stored.
 
     Raises:
-        ConfigError: a name is not one of Python's, or is `stop`.
+        ConfigError: a name is not one of Python's, or is one of Robot's own.
     """
 
     reads: Mapping[str, Read] = field(default_factory=dict)
@@ -86,8 +89,13 @@ class Bridge:
 
     def __post_init__(self) -> None:
         for name in (*self.reads, *self.drives):
-            if not name.isidentifier() or name.startswith("_") or name == "stop":
+            if not name.isidentifier() or iskeyword(name) or name.startswith("_") or hasattr(Robot, name):
                 raise ConfigError(f"A part of a robot cannot be named '{name}'.", fix="letters, digits and '_'.")
+
+    @property
+    def keys(self) -> set[DataKey]:
+        """The keys of its pages."""
+        return {one.page for one in self.reads.values()} | {one.page for one in self.drives.values()}
 
     @property
     def parts(self) -> dict[str, frozenset[str]]:
@@ -117,6 +125,8 @@ class Robot:
         self._commands = {name: drive.neutral for name, drive in self._drives.items()}
         self._changed: dict[DataKey, None] = {}  # pages to store, in order of their first command
         self._used: dict[DataKey, None] = {}  # pages that have been stored at all
+        self._is_held = False
+        self._journal: list[tuple[str, float, bool]] = []  # since `mark`: the value before, and whether it is stored
         for name in bridge.parts:
             setattr(self, name, Part(self, name, bridge.reads.get(name), bridge.drives.get(name), owner, in_state_s))
 
@@ -131,6 +141,7 @@ class Robot:
                 f"robot.{name}.start() was given {value!r:.80}.", fix=f"a number, such as robot.{name}.start(1.0)."
             )
         drive = self._drives[name]
+        self._journal.append((name, self._commands[name], drive.page in self._changed))
         self._commands[name] = min(drive.high, max(drive.low, float(value)))
         self._changed[drive.page] = None
 
@@ -139,25 +150,43 @@ class Robot:
         for name, drive in self._drives.items():
             self.command(name, drive.neutral)
 
-    def mark(self) -> Any:
-        """Return the state to which `undo` returns."""
-        return dict(self._commands), dict(self._changed)
+    def mark(self) -> None:
+        """Set the state to which `undo` returns."""
+        self._journal.clear()
 
-    def undo(self, mark: Any) -> None:
-        """Forget what was commanded since."""
-        commands, changed = mark
-        self._commands, self._changed = dict(commands), dict(changed)
+    def undo(self) -> None:
+        """Forget what was commanded since `mark`."""
+        while self._journal:
+            name, value, was_changed = self._journal.pop()
+            self._commands[name] = value
+            if not was_changed:
+                self._changed.pop(self._drives[name].page, None)
 
-    def repeat(self) -> None:
-        """Let all commands be stored again."""
-        self._changed = dict(self._used)
+    def hold(self, *, is_held: bool) -> list[Task]:
+        """Keep all parts at neutral, whatever they are commanded, until they are released; return the tasks for it."""
+        self._is_held = is_held
+        self._changed |= dict.fromkeys(drive.page for drive in self._drives.values())
+        return self.take_tasks()
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what is commanded, and what was stored, as JSON values."""
+        return {
+            "commands": dict(self._commands), "stored": dict(self._stored), "used": list(self._used),
+            "changed": list(self._changed), "is_held": self._is_held,
+        }  # fmt: skip
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Continue from a snapshot."""
+        self._commands, self._stored = dict(snapshot["commands"]), dict(snapshot["stored"])
+        self._used, self._changed = dict.fromkeys(snapshot["used"]), dict.fromkeys(snapshot["changed"])
+        self._is_held = snapshot["is_held"]
 
     def take_tasks(self) -> list[Task]:
         """Return the tasks that store what was commanded since the last call, and what repeats."""
         pages = dict(self._changed)
         self._used |= pages
         for name, drive in self._drives.items():
-            if drive.repeat_s is None or drive.page not in self._used or drive.page in pages:
+            if drive.repeat_s is None or drive.page not in self._used or drive.page in pages or self._is_held:
                 continue
             if self._commands[name] != drive.neutral and self._owner.get_age_s(drive.page) >= drive.repeat_s:
                 pages[drive.page] = None
@@ -165,11 +194,11 @@ class Robot:
         return [self._owner.store_data_task(page, self._data(page)) for page in pages]
 
     def _data(self, page: DataKey) -> Any:
-        data = {
-            drive.field: self._commands[name] if drive.to is None else drive.to(self._commands[name])
-            for name, drive in self._drives.items()
-            if drive.page == page
-        }
+        data = {}
+        for name, drive in self._drives.items():
+            if drive.page == page:
+                command = drive.neutral if self._is_held else self._commands[name]
+                data[drive.field] = command if drive.to is None else drive.to(command)
         if page not in self._pages:
             return data
         self._stored[page] = self._stored.get(page, 0) + 1
@@ -207,9 +236,10 @@ class Part:
         return 1000.0 * self._owner.get_age_s(self._reads.page)
 
     def read_since_entry(self) -> Any:
-        """Return the newest value if it was made since the state was entered, otherwise None."""
+        """Return the newest value if it was made after the state was entered, otherwise None."""
         assert self._reads is not None
-        return self.read() if self._owner.get_age_s(self._reads.page) <= self._in_state_s() else None
+        is_new = self._owner.get_age_s(self._reads.page) < self._in_state_s() - SAME_MOMENT_S
+        return self.read() if is_new else None
 
     def start(self, value: float) -> None:
         """Command the part; the value is clamped to its limits."""

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, MutableMapping
-from typing import Any, Protocol
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
-from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
 
-MAX_TEXT = 65_536  # characters of a variable
-MAX_ELEMENTS = 1000  # of a variable, at all depths
+if TYPE_CHECKING:
+    import numpy as np
+
+NS_PER_S = 1_000_000_000
+MAX_SIZE = 1000  # elements of a value at all depths; four characters of a text count as one
 MAX_DEPTH = 20  # of tuples in tuples
 _INT64 = 2**63
+MAX_WORK = 150_000  # of the blocks of a step: 35 ms at most, of 380 hostile blocks; see block_bounds.py
 
 
 class Owner(Protocol):
@@ -89,6 +93,81 @@ class Variables(MutableMapping[str, Any]):
         return place
 
 
+class MachineContext:
+    """What the functions of a program are called with.
+
+    Args:
+        owner: the component whose pages are read.
+
+    Attributes:
+        now_ns: time of the step.
+        signal: the values of the signal that caused the step.
+    """
+
+    def __init__(self, owner: Owner, rng: np.random.Generator | None = None) -> None:
+        self._owner = owner
+        self._rng = rng
+        self.machine: Any = None  # the one whose block is executed
+        self.now_ns: int = 0
+        self.signal: Sequence[Any] = ()
+        self.work: int = MAX_WORK  # that blocks may still do in this step: see `block_bounds.py`
+        self.logged: list[str] = []  # in this step
+
+    def data(self, key: DataKey) -> Any:
+        """Return the data of the newest page of a key, or None."""
+        return self._owner.get_data(key)
+
+    def age_s(self, key: DataKey) -> float:
+        """Return the age of that page [s]; infinite without one."""
+        return self._owner.get_age_s(key)
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Return the task that stores data under a key, for a block to return."""
+        return self._owner.store_data_task(key, data, process)
+
+    @property
+    def variables(self) -> Variables:
+        """The variables that the machine sees, by name."""
+        seen: Variables = self.machine.variables
+        return seen
+
+    @property
+    def in_state_s(self) -> float:
+        """Time since the machine entered its state [s]."""
+        since_ns: int = self.machine.since_ns
+        return (self.now_ns - since_ns) / NS_PER_S
+
+    @property
+    def in_state_ms(self) -> float:
+        """Time since the machine entered its state [ms]."""
+        return 1000.0 * self.in_state_s
+
+    def random(self) -> float:
+        """Return a random number from 0 to 1."""
+        return float(self.rng.random())
+
+    def log(self, text: object) -> None:
+        """Log a text, of which 1000 characters are kept, at most 100 times in a step."""
+        if len(self.logged) < 100:
+            self.logged.append(str(text)[:1000])
+
+    @property
+    def has_no_rng(self) -> bool:
+        """Whether the interpreter was given no random generator."""
+        return self._rng is None
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """The random generator of the component.
+
+        Raises:
+            ConfigError: the interpreter was given none.
+        """
+        if self._rng is None:
+            raise ConfigError("This interpreter has no random generator.", fix="Interpreter(program, rng=...).")
+        return self._rng
+
+
 def plain_value(name: str, value: Any) -> Any:
     """Return a value as a variable keeps it: a number, text, True, False, None, or a tuple of these, also for a list.
 
@@ -100,32 +179,45 @@ def plain_value(name: str, value: Any) -> Any:
         return value
     if kind is int and -_INT64 <= value < _INT64:
         return value
-    if kind is str and len(value) <= MAX_TEXT:
-        return value
-    if kind in (list, tuple):
-        return _plain_tuple(name, value, [0], MAX_DEPTH)
-    raise ParameterError(
-        f"The variable '{name}' cannot be {_short(value)}.",
-        fix=f"numbers of 64 bits, text of {MAX_TEXT} characters, True, False, None, or tuples of these.",
-    )
-
-
-def _plain_tuple(name: str, values: Any, count: list[int], depth: int) -> tuple[Any, ...]:
-    count[0] += len(values)
-    if count[0] > MAX_ELEMENTS or depth == 0:
+    if kind in (str, list, tuple):
+        if size_of(value) <= MAX_SIZE:
+            return value if kind is str else _plain_tuple(name, value, MAX_DEPTH)
         raise ParameterError(
-            f"The variable '{name}' has more than {MAX_ELEMENTS} elements, or more than {MAX_DEPTH} levels.",
+            f"The variable '{name}' has more than {MAX_SIZE} elements, or {4 * MAX_SIZE} characters.",
             fix="keep long data in a page.",
         )
-    return tuple(
-        _plain_tuple(name, one, count, depth - 1) if type(one) in (list, tuple) else plain_value(name, one)
-        for one in values
+    raise ParameterError(
+        f"The variable '{name}' cannot be {_short(value)}.",
+        fix="numbers of 64 bits, text, True, False, None, or tuples of these.",
     )
+
+
+def _plain_tuple(name: str, values: Any, depth: int) -> tuple[Any, ...]:
+    if depth == 0:
+        raise ParameterError(
+            f"The variable '{name}' has more than {MAX_DEPTH} levels.", fix="keep long data in a page."
+        )
+    return tuple(
+        _plain_tuple(name, one, depth - 1) if type(one) in (list, tuple) else plain_value(name, one) for one in values
+    )
+
+
+def size_of(value: Any) -> int:
+    """Return the number of elements of a value at all depths; of a large one, some number above `MAX_SIZE`."""
+    if type(value) is str:
+        return len(value) // 4
+    count, inside = 0, [value] if type(value) in (tuple, list) else []
+    while inside and count <= MAX_SIZE:
+        one = inside.pop()
+        count += len(one)
+        for child in one:
+            kind = type(child)
+            if kind is str:
+                count += len(child) // 4
+            elif kind is tuple or kind is list:
+                inside.append(child)
+    return count
 
 
 def _short(value: Any) -> str:
-    if type(value) is int:
-        return "an integer of more than 64 bits"
-    if type(value) is str:
-        return f"text of {len(value)} characters"
-    return f"a {type(value).__name__}"
+    return "an integer of more than 64 bits" if type(value) is int else f"a {type(value).__name__}"

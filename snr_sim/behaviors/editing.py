@@ -119,12 +119,12 @@ def values_after(old: BoundProgram, new: BoundProgram, renamed: dict[str, str]) 
     Args:
         old: of which the values are.
         new: its slots are written.
-        renamed: new paths of machines whose path has changed, by the old ones.
+        renamed: new beginnings of paths by the old ones, which end with '/'.
     """
-    notes = []
+    notes, longest_first = [], sorted(renamed, key=len, reverse=True)
     for path, place in old.places.items():
-        machine, _, name = path.rpartition(".")
-        now = f"{renamed.get(machine, machine)}.{name}" if machine else path
+        begin = next((one for one in longest_first if path.startswith(one)), "")
+        now = renamed.get(begin, "") + path[len(begin) :]
         if now not in new.places:
             continue
         first, value = old.first_values[path], old.slots[place]

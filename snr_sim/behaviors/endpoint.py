@@ -7,8 +7,10 @@ others --> events that are signals'                   `--> event "<name>.transit
 
 from __future__ import annotations
 
+import logging
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,12 +18,13 @@ from typing import Any, NamedTuple
 import msgspec
 
 from snr_sim.behaviors.bridge import Bridge
-from snr_sim.behaviors.context import Owner
+from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
 from snr_sim.behaviors.explain import Evaluations
-from snr_sim.behaviors.interpreter import NS_PER_S, Change, Interpreter
+from snr_sim.behaviors.imports import files_named, texts_of
+from snr_sim.behaviors.interpreter import Change, Interpreter
 from snr_sim.behaviors.language import parse
-from snr_sim.behaviors.program import Place, Problem, Program, ProgramError
+from snr_sim.behaviors.program import Place, Problem, Program, ProgramError, show_problem
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.handlers import as_tasks
@@ -99,7 +102,7 @@ class MachineFactory(EndpointFactory):
         path: its file, which `--watch` reads again when it is saved.
 
     Raises:
-        ConfigError: the program is something else.
+        ConfigError: the program is something else, or the name is that of a page of the bridge.
     """
 
     def __init__(
@@ -114,6 +117,8 @@ class MachineFactory(EndpointFactory):
         super().__init__()
         if not isinstance(program, Program):
             raise ConfigError(f"MachineFactory is given {program!r}.", fix="what machine(...) returns.")
+        if bridge is not None and name in bridge.keys:
+            raise ConfigError(f"A machine is named '{name}', and so is a page of the robot.", fix="rename the machine.")
         self.program: Program = program
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
@@ -161,7 +166,8 @@ class MachineEndpoint(Endpoint):
         <name>.edit [text, sha256, files]
                                     continues with another program in LRP; the digest, if given, is that of the program
                                     which was edited, and the edit is refused if it is another one by now; `files` are
-                                    the texts of the programs that it imports, if they are not those of before
+                                    the texts of the programs that it imports, if they are not those of before. The
+                                    sender should parse it before: then `parse` answers from its memory here
         <name>.edit_file [text, file]
                                     continues with another text of a file that is imported
 
@@ -182,14 +188,41 @@ class MachineEndpoint(Endpoint):
         # Changes and answered edits, each with the number of the program then, for a reader on another thread.
         self.recent: deque[tuple[int, Change | EditAnswer]] | None = None
         self._paused_ns = 0
-        self._mark: Any = None  # what the robot was commanded when it was paused
         self._transition = f"{name}.transition"
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
         self._last: Change | None = None
-        if factory.path is not None:
-            imported = {factory.path.parent / file: (f"{name}.edit_file", file) for file in factory.program.files}
-            self.watched_texts: Mapping[Path, tuple[str, ...]] = {factory.path: (f"{name}.edit",), **imported}
+        self._files: dict[str, str] = dict(factory.program.files)  # all that were given, also those not imported now
+        self._named_files: set[str] = set()  # that the texts import which were saved last, whether they exist or not
         self._set_handlers()
+
+    @property
+    def watched_files(self) -> Mapping[Path, Callable[[], SomeTasks]]:
+        """The program's file, and those that it imports or takes actions of."""
+        path, now = self.factory.path, self.interpreter.program
+        if path is None:
+            return {}
+        found: dict[Path, Callable[[], SomeTasks]] = {path.parent / one: self._saved_actions for one in now.actions}
+        return found | {path.parent / one: self._saved for one in (path.name, *now.files, *self._named_files)}
+
+    def _saved(self) -> Task:
+        """Return the edit by the files as they are. The watch parses it, and the node finds what was parsed."""
+        path = self.factory.path
+        assert path is not None
+
+        def read_text(name: str) -> str | None:
+            one = folder / name
+            return one.read_text("utf-8", "replace") if one.is_file() else None
+
+        folder, text = path.parent, path.read_text("utf-8", "replace")
+        files = texts_of(text, read_text)
+        self._named_files = {name for one in (text, *files.values()) for name in files_named(one)[0]}
+        with suppress(ProgramError):
+            self._parse(text, files)
+        return tasks.event(f"{self.name}.edit", [text, "", files])
+
+    def _saved_actions(self) -> Task:
+        text = "Functions of (actions ...) were saved: they count from the next start."
+        return self._edited([Problem(Place(), text, "start the run again.")])
 
     def _set_handlers(self) -> None:
         """Handle the signals of the present program, and what is always handled."""
@@ -222,7 +255,7 @@ class MachineEndpoint(Endpoint):
 
     def halt(self) -> None:
         """Note the blocks that failed, and the signals that no state waited for when they came."""
-        for problem in self.interpreter.problems.values():
+        for problem in (*self.interpreter.past_problems.values(), *self.interpreter.problems.values()):
             self.parent.add_note(
                 f"Machine '{problem.machine}', line {problem.line}: [{problem.block}] failed {problem.count} times, "
                 f"first at {problem.t_ns / NS_PER_S:g} s. {problem.message}"
@@ -256,44 +289,30 @@ class MachineEndpoint(Endpoint):
         return self.store_data_task(self.name, self._page())
 
     def on_pause(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Take no more steps."""
+        """Take no more steps; the robot is at neutral, whatever an edit commands."""
         if self.is_paused:
             return None
-        self.is_paused, self._paused_ns = True, self._now_ns()
-        robot, commands = self.interpreter.robot, list[Task]()
-        if robot is not None:
-            self._mark = robot.mark()
-            robot.stop()
-            commands = robot.take_tasks()
-        return [*commands, self.store_data_task(self.name, self._page())]
+        self._paused_ns = self._now_ns()
+        return self._hold(is_held=True)
 
     def on_step_once(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take a step while paused."""
         if not self.is_paused:
             return None
         self._paused_ns += STEP_ONCE_NS
-        robot = self.interpreter.robot
-        if robot is None:
-            changes = self.interpreter.step(self._paused_ns)
-        else:
-            robot.undo(self._mark)
-            changes = self.interpreter.step(self._paused_ns)
-            self._mark = robot.mark()
-            robot.stop()
-        done = self._results(changes)
-        return done if changes else [*done, self.store_data_task(self.name, self._page())]
+        changes = self.interpreter.step(self._paused_ns)
+        return self._results(changes, has_changed=True)
 
     def on_go(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue as if no time had passed."""
-        if not self.is_paused:
-            return None
-        self.is_paused = False
-        self.interpreter.delay(self._now_ns() - self._paused_ns)
-        robot, commands = self.interpreter.robot, list[Task]()
-        if robot is not None:
-            robot.undo(self._mark)
-            robot.repeat()
-            commands = robot.take_tasks()
+        return self._hold(is_held=False) if self.is_paused else None
+
+    def _hold(self, *, is_held: bool) -> list[Task]:
+        self.is_paused = is_held
+        if not is_held:
+            self.interpreter.delay(self._now_ns() - self._paused_ns)
+        robot = self.interpreter.robot
+        commands = [] if robot is None else robot.hold(is_held=is_held)
         return [*commands, self.store_data_task(self.name, self._page())]
 
     def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -315,12 +334,12 @@ class MachineEndpoint(Endpoint):
     def _edit(self, task: Task) -> list[Task]:
         text, base, files = (*task.val_list, *("", "", None)[len(task.val_list) :])[:3]
         now = self.interpreter.program
-        files = now.files if files is None else files
+        files = self._files if files is None else files
         if not isinstance(text, str) or not isinstance(base, str) or not _are_texts(files):
             return [self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])]
         if base not in ("", now.sha256):
             stale = Problem(Place(), "Another edit came first.", "edit the present text.")
-            return [self._edited([stale], text=now.text)]
+            return [self._edited([stale], present=now.text)]
         return self._continue_with(text, files)
 
     def _edit_file(self, task: Task) -> list[Task]:
@@ -332,43 +351,57 @@ class MachineEndpoint(Endpoint):
         return self._continue_with(now.text, {**now.files, file: text})
 
     def _continue_with(self, text: str, files: Mapping[str, str]) -> list[Task]:
-        bridge = self.factory.bridge
         try:
-            program = parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
+            program = self._parse(text, files)
         except ProgramError as error:
-            return [self._edited(error.problems)]
+            return [self._edited(error.problems, text=text)]
+        self._files |= files
         edited, changes = self.interpreter.edit(program, self._now_ns())
         self.program_number += 1
         self._set_handlers()
-        changed = self._results(changes)
-        if not changes:
-            changed.append(self.store_data_task(self.name, self._page()))
-        return [*changed, self._edited(list(program.warnings), edited)]
+        changed = self._results(changes, has_changed=True)
+        return [*changed, self._edited(program.warnings, edited, text=text)]
 
-    def _edited(self, problems: Sequence[Problem], edited: Edited | None = None, **more: Any) -> Task:
-        """Return the task that stores the answer to an edit; log what was refused."""
+    def _parse(self, text: str, files: Mapping[str, str]) -> Program:
+        bridge = self.factory.bridge
+        return parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
+
+    def _edited(
+        self, problems: Sequence[Problem], edited: Edited | None = None, *, text: str = "", present: str | None = None
+    ) -> Task:
+        """Return the task that stores the answer to an edit; log it.
+
+        Args:
+            problems: of the edit.
+            edited: what it did; None if it was refused.
+            text: in which the problems are.
+            present: the text that was to be edited, for an edit of another one.
+        """
+        for one in problems:
+            shown = show_problem(one, self.name, text.splitlines())
+            self.log.log(logging.WARNING if one.is_error else logging.INFO, "%s", shown)
         if edited is None:
-            for one in problems:
-                where = f", line {one.place.line}:{one.place.column}" if one.place.line else ""
-                self.log.warning("%s%s: %s", self.name, where, one.message)
             self.log.warning("%s: program %s continues.", self.name, self.program_number)
         else:
             for note in edited.notes:
                 self.log.info("%s: %s", self.name, note)
+            self.log.info("%s: program %s runs.", self.name, self.program_number)
         answer = {
             "ok": edited is not None,
             "program": self.program_number,
             "sha256": self.interpreter.program.sha256,
             "problems": [{**asdict(one.place), "message": one.message, "fix": one.fix} for one in problems],
             **msgspec.structs.asdict(edited or Edited()),
-            **more,
+            **({} if present is None else {"text": present}),
         }
         return self.store_data_task(f"{self.name}.edited", answer)
 
     def _now_ns(self) -> int:
-        return round(self.get_time_s() * NS_PER_S)
+        """Return the time of the machines, which stands still while they are paused."""
+        return self._paused_ns if self.is_paused else round(self.get_time_s() * NS_PER_S)
 
-    def _results(self, changes: list[Change]) -> list[Task]:
+    def _results(self, changes: list[Change], *, has_changed: bool = False) -> list[Task]:
+        """Return the tasks of what the interpreter has done; `has_changed`: something else on the page has."""
         interpreter = self.interpreter
         found = [] if interpreter.robot is None else interpreter.robot.take_tasks()
         for function, output in interpreter.outputs:
@@ -382,6 +415,7 @@ class MachineEndpoint(Endpoint):
             found += [tasks.event(self._transition, [msgspec.structs.asdict(one)]) for one in changes]
             if self.recent is not None:
                 self.recent.extend((self.program_number, one) for one in changes)
+        if changes or has_changed:
             found.append(self.store_data_task(self.name, self._page()))
         return found
 

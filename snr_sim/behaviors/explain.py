@@ -118,20 +118,23 @@ def evaluations_for(program: Program) -> Evaluations | None:
 def watched(
     machine: Any,
     definition: Transition,
-    after_ns: int | None,
+    after: int | Callable[[Any], Any] | None,
     holds: Callable[[Any], Any] | None,
     bindings: Bindings,
     evaluations: Evaluations,
 ) -> Callable[[Any], bool]:
     """Return the condition of a transition, with its time, and logs each evaluation."""
-    parts = parts_of(definition.condition, bindings) if evaluations.has_values else []
+    blocks = (definition.after_ns, definition.condition) if evaluations.has_values else ()
+    parts = [part for one in blocks if isinstance(one, Block) for part in parts_of(one, bindings)]
 
     def condition(context: Any) -> bool:
         elapsed_ns = context.now_ns - machine.since_ns
-        is_due = after_ns is None or elapsed_ns >= after_ns
+        after_ns: int | None = None
         error: Exception | None = None
         is_true = False
         try:
+            after_ns = after(context) if callable(after) else after
+            is_due = after_ns is None or elapsed_ns >= after_ns
             is_true = is_due and (holds is None or bool(holds(context)))
         except Exception as raised:
             error = raised
@@ -159,18 +162,19 @@ def watched(
     return condition
 
 
-def parts_of(block: Block | None, bindings: Bindings) -> list[tuple[str, Callable[[Any], Any]]]:
+def parts_of(block: Block, bindings: Bindings) -> list[tuple[str, Callable[[Any], Any]]]:
     """Return the parts of a condition in text, each with what evaluates it."""
-    if block is None or block.parts is None:
-        return []
-    return [(one.text, one.bind(bindings)) for one in block.parts()]
+    return [] if block.parts is None else [(one.text, one.bind(bindings)) for one in block.parts()]
 
 
 def _value(part: Callable[[Any], Any], context: Any) -> str:
+    work = context.work
     try:
         value = part(context)
     except Exception as error:
         return f"{type(error).__name__}: {error}"[:MAX_VALUE]
+    finally:
+        context.work = work  # what is looked at takes nothing from the blocks of the step
     shown = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return shown if len(shown) <= MAX_VALUE else shown[: MAX_VALUE - 3] + "..."
 
@@ -189,9 +193,10 @@ def summary(found: list[Evaluation]) -> list[dict[str, Any]]:
             {
                 "machine": one.machine, "state": one.state, "transition": one.transition, "target": one.target,
                 "line": one.line, "evaluated": 0, "taken": 0, "longest_s": 0.0,
-                "after_s": None if one.after_ns is None else one.after_ns / 1e9, "errors": {},
+                "after_s": None, "errors": {},
             },
         )  # fmt: skip
+        row["after_s"] = None if one.after_ns is None else one.after_ns / 1e9  # the newest, if a variable gives it
         row["evaluated"] += 1
         row["taken"] += one.is_true
         row["longest_s"] = max(row["longest_s"], one.elapsed_ns / 1e9)

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from snr_sim.behaviors.program import Block, MachineDef, Place, Program, Spawn, StateDef, Transition, with_names
+from snr_sim.behaviors.program import MachineDef, Place, Program, Spawn, StateDef, Transition, with_names
 
 MAX_CONFIGURATIONS = 100_000
 # Names of states that are meant to be the last.
@@ -171,7 +171,7 @@ def _hides(above: Transition, one: Transition) -> bool:
     """Return whether a transition is given whenever another one, which is tried later, is."""
     if above.signal is not None and above.signal != one.signal:
         return False
-    if above.condition is not None and (one.condition is None or not _are_same(above.condition, one.condition)):
+    if above.condition is not None and (one.condition is None or above.condition.bind != one.condition.bind):
         return False
     if above.after_ns is None:
         return True
@@ -181,26 +181,29 @@ def _hides(above: Transition, one: Transition) -> bool:
     return False
 
 
-def _are_same(one: Block, other: Block) -> bool:
-    return (one.text, one.function) == (other.text, other.function)
-
-
 def _eps_cycles(machine: MachineDef, path: str) -> Iterator[Finding]:
-    """Yield the circles of transitions that are taken at once: a step would cut them."""
+    """Yield circles of transitions that are taken at once, which a step would cut: the shortest through each state that
+    is in none of those before."""
     following = {
         state.name: [one for one in machine.transitions_of(state.name) if one.kind == "eps" and not one.after_ns]
         for state in machine.states
     }
-    reported: set[frozenset[str]] = set()
-    for begin in following:
-        left: list[tuple[str, tuple[str, ...]]] = [(begin, (begin,))]
-        while left:
-            state, way = left.pop()
-            for one in following[state]:
-                if one.target == begin:
-                    if frozenset(way) not in reported:
-                        reported.add(frozenset(way))
-                        message = f"These states follow each other at once: {' -> '.join((*way, begin))}."
-                        yield Finding("eps_cycle", path, begin, one.place, message)
-                elif one.target not in way and one.target in following and len(way) < len(following):
-                    left.append((one.target, (*way, one.target)))
+    reported: set[str] = set()
+    for begin in machine.states:
+        if begin.name in reported:
+            continue
+        before: dict[str, Transition] = {}  # by its target, the first transition that leads there
+        left = [begin.name]
+        for state in left:  # breadth first: it grows
+            new = [one for one in following.get(state, ()) if one.target in following and one.target not in before]
+            before |= {one.target: one for one in reversed(new)}
+            left += dict.fromkeys(one.target for one in new)
+        if begin.name not in before:
+            following.pop(begin.name, None)  # no circle leads through it
+            continue
+        way = [before[begin.name]]
+        while way[0].source != begin.name:
+            way.insert(0, before[way[0].source])
+        reported.update(one.source for one in way)
+        message = f"These states follow each other at once: {' -> '.join([*(one.source for one in way), begin.name])}."
+        yield Finding("eps_cycle", path, begin.name, way[-1].place, message)

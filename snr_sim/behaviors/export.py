@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from typing import Literal, TypeAlias
 from xml.sax.saxutils import escape, quoteattr
@@ -73,13 +74,13 @@ def _label(one: Transition) -> str:
     """Return what is written at an arrow: `stop`, `after 2 s`, `[is_near] / count`."""
     words = [] if one.signal is None else [one.signal]
     if isinstance(one.after_ns, Block):
-        words.append(f"after {one.after_ns.text}")
+        words.append(f"after {one.after_ns.line}")
     elif one.after_ns is not None:
         words.append(f"after {one.after_ns / 1e9:g} s")
     if one.condition is not None:
-        words.append(f"[{one.condition.text}]")
+        words.append(f"[{one.condition.line}]")
     if one.effect is not None:
-        words.append(f"/ {one.effect.text}")
+        words.append(f"/ {one.effect.line}")
     return " ".join(words) or "at once"
 
 
@@ -87,36 +88,48 @@ def _label(one: Transition) -> str:
 
 
 def _mermaid(spawns: tuple[Spawn, ...]) -> str:
-    lines = ["stateDiagram-v2"]
+    lines, ids = ["stateDiagram-v2"], _Ids()
     for name, spawn in with_names(spawns):
-        lines += [f'    state "{name}" as {_id(name)} {{', *_mermaid_machine(spawn, _id(name), "        "), "    }"]
+        lines += [f'    state "{name}" as {ids[name]} {{', *_mermaid_machine(spawn, name, ids, "        "), "    }"]
     return "\n".join([*lines, ""])
 
 
-def _mermaid_machine(spawn: Spawn, prefix: str, indent: str) -> Iterator[str]:
+class _Ids(dict[str, str]):
+    """Names of letters, digits and '_', by paths, each another one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._used: set[str] = set()
+
+    def __missing__(self, path: str) -> str:
+        found = re.sub(r"\W", "_", path)
+        while found in self._used:
+            found += "_"
+        self._used.add(found)
+        self[path] = found
+        return found
+
+
+def _mermaid_machine(spawn: Spawn, path: str, ids: _Ids, indent: str) -> Iterator[str]:
     machine = spawn.machine
-    yield f"{indent}[*] --> {prefix}_{_id(spawn.initial)}"
+    yield f"{indent}[*] --> {ids[f'{path}/{spawn.initial}']}"
     for state in machine.states:
-        own = f"{prefix}_{_id(state.name)}"
+        own = ids[f"{path}/{state.name}"]
         yield f'{indent}state "{state.name}" as {own}'
         if state.spawns:
             yield f"{indent}state {own} {{"
             for i, (name, inner) in enumerate(with_names(state.spawns)):
                 if i:
                     yield f"{indent}    --"
-                yield from _mermaid_machine(inner, f"{own}_{_id(name)}", indent + "    ")
+                yield from _mermaid_machine(inner, f"{path}/{state.name}/{name}", ids, indent + "    ")
             yield f"{indent}}}"
     for state in machine.states:
         for one in machine.transitions_of(state.name):
-            own, label = f"{prefix}_{_id(state.name)}", _label(one).replace(":", " ")
+            own, label = ids[f"{path}/{state.name}"], _label(one).replace(":", " ")
             if one.kind == "exit":  # an arrow across a border is not drawn
                 yield f"{indent}note right of {own} : {label}, leaves to {one.target}"
             else:
-                yield f"{indent}{own} --> {prefix}_{_id(one.target)} : {label}"
-
-
-def _id(name: str) -> str:
-    return name.replace("-", "_").replace("#", "_")
+                yield f"{indent}{own} --> {ids[f'{path}/{one.target}']} : {label}"
 
 
 # -- DOT --------------------------------------------------------------------------------------------------------------
@@ -152,14 +165,14 @@ def _dot_machine(name: str, spawn: Spawn, path: str, around: str | None, indent:
 def _scxml(spawns: tuple[Spawn, ...]) -> str:
     """Return W3C's State Chart XML: machines side by side are regions of a `parallel`, a time-out is a delayed event.
 
-    Conditions and effects are names of functions, which a tool has to define. What differs: there an inner transition
-    wins over an outer one.
+    Conditions and effects of a machine in Python are names of functions, which a tool has to define; those of
+    a text are its code. What differs: there an inner transition wins over an outer one.
     """
     lines = ['<?xml version="1.0" encoding="UTF-8"?>']
     lines.append('<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" datamodel="ecmascript" initial="all">')
     lines.append('  <parallel id="all">')
     for name, spawn in with_names(spawns):
-        lines += _scxml_machine(spawn, _id(name), None, "    ")
+        lines += _scxml_machine(spawn, name.replace("#", "."), None, "    ")
     return "\n".join([*lines, "  </parallel>", "</scxml>", ""])
 
 
@@ -177,29 +190,36 @@ def _scxml_state(machine: MachineDef, state: StateDef, path: str, around: str | 
     inner = indent + "  "
     found = list(enumerate(machine.transitions_of(state.name)))
     timers = [(f"after.{own}.{i}", one.after_ns) for i, one in found if one.after_ns is not None]
-    calls = [one.text for one in state.enter if isinstance(one, Block)]
+    calls = [_code(one) for one in state.enter if isinstance(one, Block)]
     if calls or timers:
         yield f"{inner}<onentry>"
-        yield from (f"{inner}  <script>{escape(text)}()</script>" for text in calls)
+        yield from (f"{inner}  <script>{escape(text)}</script>" for text in calls)
         for event, delay in timers:
             wait = (
-                f"delayexpr={quoteattr(delay.text)}" if isinstance(delay, Block) else f'delay="{delay / NS_PER_MS:g}ms"'
+                f"delayexpr={quoteattr(_code(delay))}"
+                if isinstance(delay, Block)
+                else f'delay="{delay / NS_PER_MS:g}ms"'
             )
             yield f"{inner}  <send id={quoteattr(event)} event={quoteattr(event)} {wait}/>"
         yield f"{inner}</onentry>"
     if state.leave or timers:
         yield f"{inner}<onexit>"
         yield from (f"{inner}  <cancel sendid={quoteattr(event)}/>" for event, _ in timers)
-        yield from (f"{inner}  <script>{escape(one.text)}()</script>" for one in state.leave)
+        yield from (f"{inner}  <script>{escape(_code(one))}</script>" for one in state.leave)
         yield f"{inner}</onexit>"
     for i, one in found:
         caused_by = one.signal if one.after_ns is None else f"after.{own}.{i}"
         parts = [] if caused_by is None else [f"event={quoteattr(caused_by)}"]
-        parts += [] if one.condition is None else [f"cond={quoteattr(one.condition.text + '()')}"]
+        parts += [] if one.condition is None else [f"cond={quoteattr(_code(one.condition))}"]
         home = around if one.kind == "exit" else path
         parts.append(f"target={quoteattr(f'{home}.{one.target}')}")
-        effect = "/>" if one.effect is None else f"><script>{escape(one.effect.text)}()</script></transition>"
+        effect = "/>" if one.effect is None else f"><script>{escape(_code(one.effect))}</script></transition>"
         yield f"{inner}<transition {' '.join(parts)}{effect}"
     for name, below in with_names(state.spawns):
-        yield from _scxml_machine(below, f"{own}.{_id(name)}", path, inner)
+        yield from _scxml_machine(below, f"{own}.{name.replace('#', '.')}", path, inner)
     yield f"{indent}</{tag}>"
+
+
+def _code(block: Block) -> str:
+    """Return a block's code: of a function in Python its call."""
+    return f"{block.text}()" if block.writes is None else block.text

@@ -43,6 +43,23 @@ def files_named(text: str) -> tuple[list[str], list[str]]:
     return list(found["import"]), list(found["actions"])
 
 
+def texts_of(text: str, read_text: Callable[[str], str | None]) -> dict[str, str]:
+    """Return the texts of the programs that a text imports, and of those that they import, by the names of their files.
+
+    Args:
+        text: of the program.
+        read_text: returns the text of a file in its folder, or None if it does not exist.
+    """
+    found, left = dict[str, str](), [text]
+    while left:
+        for name in files_named(left.pop())[0]:
+            one = read_text(name) if name not in found and len(found) < MAX_FILES else None
+            if one is not None:
+                found[name] = one
+                left.append(one)
+    return found
+
+
 def _named(forms: list[Form]) -> Iterator[tuple[str, str]]:
     for form in forms:
         match form.items:

@@ -26,7 +26,8 @@ import msgspec
 from snr_sim.behaviors.bound import BoundBlock, BoundMachine, BoundProgram, BoundState, BoundTransition
 from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
-from snr_sim.behaviors.context import FixedPages, Owner, Variables, plain_value
+from snr_sim.behaviors.context import MAX_WORK, FixedPages, MachineContext, Owner, plain_value
+from snr_sim.behaviors.context import NS_PER_S as NS_PER_S
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
 from snr_sim.behaviors.explain import Evaluations, evaluations_for
 from snr_sim.behaviors.program import (
@@ -36,14 +37,12 @@ from snr_sim.behaviors.program import (
 )
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import Task
 
 if TYPE_CHECKING:
     import numpy as np
 
 MAX_CHAIN = 16  # transitions of one machine in one step
 _CHAIN = range(MAX_CHAIN)
-NS_PER_S = 1_000_000_000
 
 
 class Change(msgspec.Struct, frozen=True, gc=False):
@@ -81,77 +80,6 @@ class RunProblem(msgspec.Struct):
     count: int = 1
 
 
-class MachineContext:
-    """What the functions of a program are called with.
-
-    Args:
-        owner: the component whose pages are read.
-
-    Attributes:
-        now_ns: time of the step.
-        signal: the values of the signal that caused the step.
-    """
-
-    def __init__(self, owner: Owner, rng: np.random.Generator | None = None) -> None:
-        self._owner = owner
-        self._rng = rng
-        self.machine: Any = None  # the one whose block is executed
-        self.now_ns: int = 0
-        self.signal: Sequence[Any] = ()
-        self.turns: int = 0  # of loops, and work, that the block which is executed may still do: see `blocks.py`
-        self.work: int = 0
-        self.logged: list[str] = []  # in this step
-
-    def data(self, key: DataKey) -> Any:
-        """Return the data of the newest page of a key, or None."""
-        return self._owner.get_data(key)
-
-    def age_s(self, key: DataKey) -> float:
-        """Return the age of that page [s]; infinite without one."""
-        return self._owner.get_age_s(key)
-
-    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
-        """Return the task that stores data under a key, for a block to return."""
-        return self._owner.store_data_task(key, data, process)
-
-    @property
-    def variables(self) -> Variables:
-        """The variables that the machine sees, by name."""
-        seen: Variables = self.machine.variables
-        return seen
-
-    @property
-    def in_state_s(self) -> float:
-        """Time since the machine entered its state [s]."""
-        since_ns: int = self.machine.since_ns
-        return (self.now_ns - since_ns) / NS_PER_S
-
-    @property
-    def in_state_ms(self) -> float:
-        """Time since the machine entered its state [ms]."""
-        return 1000.0 * self.in_state_s
-
-    def random(self) -> float:
-        """Return a random number from 0 to 1."""
-        return float(self.rng.random())
-
-    def log(self, text: object) -> None:
-        """Log a text, of which 1000 characters are kept, at most 100 times in a step."""
-        if len(self.logged) < 100:
-            self.logged.append(str(text)[:1000])
-
-    @property
-    def rng(self) -> np.random.Generator:
-        """The random generator of the component.
-
-        Raises:
-            ConfigError: the interpreter was given none.
-        """
-        if self._rng is None:
-            raise ConfigError("This interpreter has no random generator.", fix="Interpreter(program, rng=...).")
-        return self._rng
-
-
 class Interpreter:
     """Runs a program. Nothing happens but in its methods, on the thread that calls them.
 
@@ -172,6 +100,7 @@ class Interpreter:
         ignored: number of signals that no active state waits for, by name.
         problems: exceptions in blocks, by block; with `on_error` 'fail' they are raised instead. Also a rule of the
             program that does not hold.
+        past_problems: those of programs before an edit.
         breaks: lines of the program by which the last step is to be followed by a pause.
     """
 
@@ -199,6 +128,7 @@ class Interpreter:
         self.entered: list[tuple[str, str]] = []
         self.ignored: dict[str, int] = {}
         self.problems: dict[tuple[int, str], RunProblem] = {}
+        self.past_problems: dict[tuple[int, str, str], RunProblem] = {}
         self.breaks: list[int] = []
         self._violated: set[int] = set()  # lines of rules that did not hold after the last step
         self._changes: list[Change] = []
@@ -249,6 +179,7 @@ class Interpreter:
         context = self.context
         context.now_ns = now_ns
         context.signal = values
+        context.work = MAX_WORK
         self._changes = []
         self._is_answered = False
         if context.logged:
@@ -264,7 +195,9 @@ class Interpreter:
         while self._failed:
             machine = self._failed.pop()
             if machine.state is not None:
-                self._stop(machine)
+                self._stop(machine, "error")
+                if self.robot is not None:
+                    self.robot.stop()
 
     def _check_rules(self) -> None:
         """Note what must always hold and does not, once each time that it begins; find the states to pause in."""
@@ -278,8 +211,9 @@ class Interpreter:
             try:
                 is_true = holds is None or bool(holds(self.context))
             except Exception as error:
-                assert rule.condition is not None
-                self._report(self._running[0], rule.condition, error)
+                if self._fails:
+                    raise
+                self._add_problem(self._running[0], rule.place.line, rule.name, f"{type(error).__name__}: {error}")
                 continue
             line = rule.place.line
             if rule.kind == "break":
@@ -391,28 +325,20 @@ class Interpreter:
         )
         self._enter(machine, state)
 
-    def _stop(self, machine: BoundMachine) -> None:
-        """End a machine after an error in one of its blocks."""
-        state = machine.state
+    def _end(self, machine: BoundMachine) -> tuple[str, int]:
+        """Leave the state of a machine, which then does not run; return the state and the time in it [ns]."""
+        state, held_ns = machine.state, self.context.now_ns - machine.since_ns
         assert state is not None
-        held_ns = self.context.now_ns - machine.since_ns
         self._leave(machine, state, held_ns)
-        if self.robot is not None:
-            self.robot.stop()
         machine.state = None
         (self._running if machine.parent is None else machine.parent.running).remove(machine)
-        self._changes.append(
-            Change(
-                self.context.now_ns,
-                machine.path,
-                "stop",
-                "error",
-                state.name,
-                "",
-                held_ns,
-                machine.definition.place.line,
-            )
-        )
+        return state.name, held_ns
+
+    def _stop(self, machine: BoundMachine, cause: str) -> None:
+        """End a machine, because of an error in one of its blocks or because of an edit."""
+        name, held_ns = self._end(machine)
+        line = 0 if cause == "edit" else machine.definition.place.line
+        self._changes.append(Change(self.context.now_ns, machine.path, "stop", cause, name, "", held_ns, line))
 
     # -- blocks -------------------------------------------------------------------------------------------------------
 
@@ -420,16 +346,13 @@ class Interpreter:
         """Execute a block: all of it, or, if it raises and the program continues, nothing."""
         context = self.context
         context.machine = machine
-        robot = self.robot
-        before = None if self._fails else (self._bound.slots[:], None if robot is None else robot.mark())
+        before = code.save() if code.has_effects else None
         try:
             output = code.call(context)
         except Exception as error:
-            if before is None:
+            if self._fails:
                 raise
-            self._bound.slots[:], mark = before
-            if robot is not None:
-                robot.undo(mark)
+            code.undo(before)
             self._report(machine, code.block, error)
             return
         if output is not None:
@@ -444,7 +367,7 @@ class Interpreter:
     def _report(self, machine: BoundMachine, block: Block, error: Exception) -> None:
         if self._fails:
             raise error
-        self._add_problem(machine, block.place.line, block.text, f"{type(error).__name__}: {error}")
+        self._add_problem(machine, block.place.line, block.line, f"{type(error).__name__}: {error}")
         if self.program.on_error == "stop" and machine not in self._failed:
             self._failed.append(machine)
 
@@ -500,21 +423,19 @@ class Interpreter:
         made = plan(self._running, new)
         gone = {path for one in made.stopped for path in (inner.path for inner in one.walk())}
         for machine in reversed(made.stopped):
-            self._stop_edited(machine)
-        for machine, _, _ in reversed(made.restarted):
-            assert machine.state is not None
-            self._leave(machine, machine.state, now_ns - machine.since_ns)
-        renamed = {before.path: after.path for before, after, _ in made.kept}
+            self._stop(machine, "edit")
+        left = {machine.path: self._end(machine) for machine, _, _ in reversed(made.restarted)}
+        renamed = {_inside(before): f"{after.path}/{name}/" for before, after, name in made.kept}
+        for problem in self.problems.values():  # of a block of the old program
+            known = self.past_problems.setdefault((problem.line, problem.block, problem.message), problem)
+            known.count += 0 if known is problem else problem.count
+        self.problems = {}
         notes = values_after(old, new, renamed)
         self._take_over(program, new, made)
         self._neutralise({part for path in gone for part in parts_of(old)[path]}, new)
         for before, machine, initial in made.restarted:
-            assert before.state is not None
-            line = machine.definition.place.line
-            held_ns = now_ns - before.since_ns
-            self._changes.append(
-                Change(now_ns, machine.path, "edit", "edit", before.state.name, initial, held_ns, line)
-            )
+            line, (source, held_ns) = machine.definition.place.line, left[before.path]
+            self._changes.append(Change(now_ns, machine.path, "edit", "edit", source, initial, held_ns, line))
             machine.state, machine.since_ns = machine.states[initial], now_ns
             self._enter(machine, machine.states[initial])
         for machine, initial in new.top:
@@ -531,15 +452,6 @@ class Interpreter:
             [*made.notes, *notes],
         )
         return edited, self._changes
-
-    def _stop_edited(self, machine: BoundMachine) -> None:
-        """End a machine that is not in the new program."""
-        state = machine.state
-        assert state is not None
-        now_ns = self.context.now_ns
-        held_ns = now_ns - machine.since_ns
-        self._leave(machine, state, held_ns)
-        self._changes.append(Change(now_ns, machine.path, "stop", "edit", state.name, "", held_ns, 0))
 
     def _take_over(self, program: Program, new: BoundProgram, made: Plan) -> None:
         """Continue in the same states of another program."""
@@ -576,6 +488,11 @@ class Interpreter:
             "sha256": self.program.sha256,
             "active": [[one.path, one.state.name, one.since_ns] for one in self._walk() if one.state is not None],
             "variables": self.variables,
+            "rng": None if self.context.has_no_rng else self.context.rng.bit_generator.state,
+            "robot": None if self.robot is None else self.robot.snapshot(),
+            "problems": [msgspec.structs.asdict(one) for one in self.problems.values()],
+            "violated": sorted(self._violated),
+            "ignored": dict(self.ignored),
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
@@ -590,6 +507,13 @@ class Interpreter:
             )
         for path, value in snapshot["variables"].items():
             self.set(path, value)
+        if snapshot["rng"] is not None:
+            self.context.rng.bit_generator.state = snapshot["rng"]
+        if self.robot is not None:
+            self.robot.restore(snapshot["robot"])
+        found = [RunProblem(**one) for one in snapshot["problems"]]
+        self.problems = {(one.line, one.block): one for one in found}
+        self._violated, self.ignored = set(snapshot["violated"]), dict(snapshot["ignored"])
         for one in self._bound.machines.values():
             one.state, one.running = None, []
         self._running = []
@@ -597,3 +521,9 @@ class Interpreter:
             machine = self._bound.machines[path]
             machine.state, machine.since_ns = machine.states[name], since_ns
             (self._running if machine.parent is None else machine.parent.running).append(machine)
+
+
+def _inside(machine: BoundMachine) -> str:
+    """Return the beginning of the paths of what is inside the state of a machine that runs."""
+    assert machine.state is not None
+    return f"{machine.path}/{machine.state.name}/"

@@ -28,14 +28,16 @@ ours.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
-from snr_sim.behaviors.blocks import Definition, Scope, compile_block
-from snr_sim.behaviors.checks import problems_of
-from snr_sim.behaviors.context import plain_value
+from snr_sim.behaviors.block_checks import RESERVED
+from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
+from snr_sim.behaviors.checks import MAX_LEVELS, problems_of
+from snr_sim.behaviors.context import MAX_WORK, plain_value
+from snr_sim.behaviors.forms import FormError, Notes, first_word, is_word, text_of
 from snr_sim.behaviors.imports import Actions, why_not
 from snr_sim.behaviors.program import (
     ANY,
@@ -57,23 +59,12 @@ from snr_sim.behaviors.reader import MAX_PROBLEMS, Code, Form, Item, Text, Word,
 from snr_sim.prelude.errors import ParameterError, suggest
 
 NS_PER_MS = 1_000_000
-MAX_STATES = 10_000
 Parts = Mapping[str, frozenset[str]]
 
 _TOP = ("var", "def", "machine", "spawn", "onerror", "always", "break", "import", "export", "actions")
 _IN_MACHINE = ("var", "def", "state", "event", "on", "ontime", "eps", "exit")
 _IN_STATE = ("onentry", "running", "onexit", "machine")
 _ON_ERROR = ("go_on", "stop", "fail")
-_SHAPES = {
-    "var": "(var NAME := [value])", "def": "(def NAME argument [expression])", "machine": "(machine NAME ...)",
-    "spawn": "(spawn MACHINE STATE)", "onerror": "(onerror go_on), stop or fail", "state": "(state NAME ...)",
-    "event": "(event NAME) or (event NAME [condition])", "on": "(on EVENT STATE -> STATE)",
-    "ontime": "(ontime MILLISECONDS STATE -> STATE)", "eps": "(eps STATE -> STATE)",
-    "exit": "(exit EVENT STATE -> STATE)", "onentry": "(onentry [statements]) or (onentry (spawn MACHINE STATE))",
-    "running": "(running [statements])", "onexit": "(onexit [statements])", "always": "(always NAME [condition])",
-    "break": "(break STATE) or (break STATE [condition])", "import": '(import "file.lrp")', "export": "(export NAME)",
-    "actions": '(actions "file.py")',
-}  # fmt: skip
 
 
 def parse(
@@ -116,7 +107,7 @@ def _parse(
     errors = [one for one in found if one.is_error]
     if errors:
         return None, tuple(sorted(errors, key=lambda one: (one.place.line, one.place.column)))[:MAX_PROBLEMS]
-    return replace(program, warnings=tuple(found)), ()
+    return replace(program, warnings=tuple(found[:MAX_PROBLEMS])), ()
 
 
 @dataclass(frozen=True)
@@ -165,30 +156,28 @@ class _Others:
         actions: functions by file and name.
         used: names of the files that have been read, with what their top names.
         inside: those that are being read, the outermost first.
+        start: the context of all initialisers.
     """
 
     files: Mapping[str, str]
     actions: Actions
     used: dict[str, _Names] = field(default_factory=dict)
     inside: list[str] = field(default_factory=list)
-
-
-class _FormError(Exception):
-    """A form cannot be used; the problem is noted."""
+    start: _Start = field(default_factory=lambda: _Start())
 
 
 class _Language:
     """Makes definitions of forms, and continues after a mistake."""
 
     def __init__(self, parts: Parts | None, problems: list[Problem], others: _Others, prefix: str = "") -> None:
-        self.problems: list[Problem] = list(problems)
+        self._notes = Notes(problems)
+        self.problems: list[Problem] = self._notes.problems
         self._parts = parts
         self._others = others
         self._prefix = prefix  # of the keys of the variables at the top
         self._actions: dict[str, Callable[..., Any]] = {}
         self._inside: list[_Machine] = []  # machines that are being made, outermost first
         self._made_machines: list[MachineDef] = []
-        self._states = 0
         self._on_error: OnError = "go_on"
 
     def program(self, text: str, forms: list[Form]) -> Program:
@@ -196,20 +185,22 @@ class _Language:
         known, names = self._top(forms)
         spawns = []
         for form in known:
-            if _first(form) == "spawn":
-                spawns += self._tried(self._spawn, form, names)
-            elif _first(form) == "onerror":
-                self._tried(self._set_on_error, form)
+            if first_word(form) == "spawn":
+                spawns += self._notes.tried(self._spawn, form, names)
+            elif first_word(form) == "onerror":
+                self._notes.tried(self._set_on_error, form)
         for one in names.machines.values():  # those that are not spawned are checked, too
-            self._tried(self._machine, one)
+            self._notes.tried(self._machine, one)
         rules = [
             rule
             for form in known
-            if _first(form) in ("always", "break")
-            for rule in self._tried(self._rule, form, names)
+            if first_word(form) in ("always", "break")
+            for rule in self._notes.tried(self._rule, form, names)
         ]
         if not spawns and not self.problems:
-            self._add(Place(1, 1, 1, 1), "No machine is spawned.", "(spawn MACHINE STATE) at the end.", is_error=False)
+            self._notes.add(
+                Place(1, 1, 1, 1), "No machine is spawned.", "(spawn MACHINE STATE) at the end.", is_error=False
+            )
         files = {name: self._others.files[name] for name in sorted(self._others.used)}
         whole = "\0".join([text, *(part for row in files.items() for part in row)])
         return Program(
@@ -228,13 +219,13 @@ class _Language:
 
     def _top(self, forms: list[Form]) -> tuple[list[Form], _Names]:
         """Return the forms of a program, and what can be named at its top."""
-        known = [form for form in forms if self._word(form, _TOP, "a program")]
+        known = [form for form in forms if self._notes.word(form, _TOP, "a program")]
         names = _Names()
         for form in known:
-            if _first(form) == "actions":
-                self._tried(self._take_actions, form)
-            elif _first(form) == "import":
-                for found in self._tried(self._imported, form):
+            if first_word(form) == "actions":
+                self._notes.tried(self._take_actions, form)
+            elif first_word(form) == "import":
+                for found in self._notes.tried(self._imported, form):
                     names = _merged(names, found)
         taken = names.machines
         names = self._with_variables(known, names, "")
@@ -248,14 +239,16 @@ class _Language:
         """Return what a file that is imported exports; what it does at its top otherwise is of no effect."""
         known, names = self._top(forms)
         for one in names.machines.values():
-            self._tried(self._machine, one)
-        exported = [form for form in known if _first(form) == "export"]
-        exported_names = {self._name(form, 1): form for form in exported for _ in self._tried(self._name, form, 1)}
+            self._notes.tried(self._machine, one)
+        exported = [form for form in known if first_word(form) == "export"]
+        exported_names = {
+            self._notes.name(form, 1): form for form in exported for _ in self._notes.tried(self._notes.name, form, 1)
+        }
         tables: tuple[Mapping[str, Any], ...] = (names.variables, names.definitions, names.machines)
         for name, form in exported_names.items():
             if not any(name in table for table in tables):
                 have = sorted({one for table in tables for one in table})
-                self._add(form.items[1].place, f"There is no '{name}' to export.", suggest(name, have))
+                self._notes.add(form.items[1].place, f"There is no '{name}' to export.", suggest(name, have))
         variables, definitions, machines = ({key: one[key] for key in one if key in exported_names} for one in tables)
         return _Names(variables, names.values, definitions, machines)
 
@@ -263,9 +256,9 @@ class _Language:
         """Return the name of the file in a form."""
         item = form.items[1] if len(form.items) == 2 else None
         if not isinstance(item, Text):
-            raise self._shape(form)
+            raise self._notes.shape(form)
         if wrong := why_not(item.text, suffix):
-            raise self._failed(
+            raise self._notes.failed(
                 item.place, f"'{item.text}' cannot be used here: {wrong}.", f"a {suffix} file in its folder."
             )
         return item.text
@@ -273,9 +266,9 @@ class _Language:
     def _imported(self, form: Form) -> _Names:
         name, others = self._file(form, ".lrp"), self._others
         if name in others.inside:
-            raise self._failed(form.place, f"'{name}' imports itself.", "leave one of the imports out.")
+            raise self._notes.failed(form.place, f"'{name}' imports itself.", "leave one of the imports out.")
         if name not in others.files:
-            raise self._failed(
+            raise self._notes.failed(
                 form.place, f"There is no file '{name}' in the folder of the program.", suggest(name, others.files)
             )
         if name not in others.used:
@@ -286,7 +279,7 @@ class _Language:
             others.inside.pop()
             for one in language.problems:
                 if one.is_error:
-                    self._add(form.place, f"{name}:{one.place.line}:{one.place.column}: {one.message}", one.fix)
+                    self._notes.add(form.place, f"{name}:{one.place.line}:{one.place.column}: {one.message}", one.fix)
         return others.used[name]
 
     def _take_actions(self, form: Form) -> None:
@@ -294,7 +287,7 @@ class _Language:
         if name not in self._others.actions:
             known = self._others.actions
             fix = suggest(name, known) if known else "a file in its folder; a new one counts from the next start."
-            raise self._failed(form.place, f"There are no actions of '{name}'.", fix)
+            raise self._notes.failed(form.place, f"There are no actions of '{name}'.", fix)
         self._actions |= self._others.actions[name]
 
     # -- names --------------------------------------------------------------------------------------------------------
@@ -303,38 +296,41 @@ class _Language:
         """Return the names with those that `var` and `def` add, in the order of the text."""
         own: set[str] = set()
         for form in forms:
-            if _first(form) not in ("var", "def"):
-                continue
-            try:
-                name = self._name(form, 1)
-                if name in own:
-                    raise self._failed(form.items[1].place, f"'{name}' is declared twice here.", "rename one.")
-                if "-" in name or not name.isidentifier():
-                    raise self._failed(form.items[1].place, f"'{name}' cannot be used in Python.", "use '_', not '-'.")
-                own.add(name)
-                names = self._declared(form, name, names, scope)
-            except _FormError:
-                continue
+            if first_word(form) in ("var", "def"):
+                for name in self._notes.tried(self._python_name, form, 1, own):
+                    names = (self._notes.tried(self._declared, form, name, names, scope) or [names])[0]
         return names
 
+    def _python_name(self, form: Form, i: int, own: set[str]) -> str:
+        """Return the word at an index, which Python can use and which `own` does not have, and add it there."""
+        name, place = self._notes.name(form, i), form.items[i].place
+        if name in own:
+            raise self._notes.failed(place, f"'{name}' is declared twice here.", "rename one.")
+        if name in RESERVED:
+            raise self._notes.failed(place, f"'{name}' has a meaning in Python or in blocks.", f"rename it: {name}_1.")
+        if not name.isidentifier():
+            raise self._notes.failed(place, f"'{name}' cannot be used in Python.", "use '_', not '-'.")
+        own.add(name)
+        return name
+
     def _declared(self, form: Form, name: str, names: _Names, scope: str) -> _Names:
-        if _first(form) == "def":
-            *parameters, code = form.items[2:] or [None]
-            given = tuple(one.text for one in parameters if isinstance(one, Word))
-            if not isinstance(code, Code) or len(given) != len(parameters):
-                raise self._shape(form)
+        if first_word(form) == "def":
+            code, own = form.items[-1], set[str]()
+            given = tuple(self._python_name(form, i, own) for i in range(2, len(form.items) - 1))
+            if not isinstance(code, Code):
+                raise self._notes.shape(form)
             block = self._block(code, "condition", replace(names, variables={**names.variables, **_own(given)}))
             without = {key: value for key, value in names.variables.items() if key != name}
             # One with a mistake is known all the same, so that its callers are not mistakes, too.
             text = "None" if block is None else code.text
-            definition: Definition = given, text, tuple(sorted(names.variables.items()))
-            definitions = {**names.definitions, name: definition}
+            seen = tuple(sorted(names.variables.items())), tuple(names.definitions.items())
+            definitions = {**names.definitions, name: define(given, text, *seen, tuple(self._actions.items()))}
             return replace(names, definitions=definitions, variables=without)
-        if len(form.items) != 4 or not _is(form.items[2], ":="):
-            raise self._shape(form)
+        if len(form.items) != 4 or not is_word(form.items[2], ":="):
+            raise self._notes.shape(form)
         code = form.items[3]
         if not isinstance(code, Code):
-            raise self._shape(form)
+            raise self._notes.shape(form)
         key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
         value = self._initial(name, code, names)
         definitions = {one: given for one, given in names.definitions.items() if one != name}
@@ -351,73 +347,69 @@ class _Language:
         block, problems = compile_block(code.text, code.place, "condition", scope)
         self.problems += problems
         if block is None:
-            raise _FormError
+            raise FormError
         keys = list(names.values)
         bindings = Bindings([names.values[key] for key in keys], {key: i for i, key in enumerate(keys)})
         try:
-            return plain_value(name, block.bind(bindings)(_Start()))
+            return plain_value(name, block.bind(bindings)(self._others.start))
         except Exception as error:
-            raise self._failed(code.place, f"{type(error).__name__}: {error}", "") from error
+            raise self._notes.failed(code.place, f"{type(error).__name__}: {error}", "") from error
 
     def _machines(self, forms: Iterable[Form]) -> dict[str, _Machine]:
         found = dict[str, _Machine]()
         for form in forms:
-            if _first(form) == "machine":
-                try:
-                    name = self._name(form, 1)
-                    if name in found:
-                        self._add(form.items[1].place, f"There are two machines '{name}' here.", "rename one.")
-                    found[name] = _Machine(form)
-                except _FormError:
-                    continue
+            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "machine" else ():
+                if name in found:
+                    self._notes.add(form.items[1].place, f"There are two machines '{name}' here.", "rename one.")
+                found[name] = _Machine(form)
         return found
 
     # -- forms --------------------------------------------------------------------------------------------------------
 
     def _spawn(self, form: Form, names: _Names) -> Spawn:
         if len(form.items) != 3:
-            raise self._shape(form)
-        name, initial = self._name(form, 1), self._name(form, 2)
-        if name not in names.machines:
-            raise self._failed(
-                form.items[1].place, f"There is no machine '{name}' here.", suggest(name, names.machines)
-            )
+            raise self._notes.shape(form)
+        initial = self._notes.name(form, 2)
+        name = self._notes.known(form.items[1], names.machines, "machine")
         machine = names.machines[name]
         if machine in self._inside:
-            raise self._failed(form.items[1].place, f"Machine '{name}' would contain itself.", "spawn another one.")
+            raise self._notes.failed(
+                form.items[1].place, f"Machine '{name}' would contain itself.", "spawn another one."
+            )
         made = self._machine(machine)
         states = [one.name for one in made.states]
         if initial not in states:
-            raise self._failed(
+            raise self._notes.failed(
                 form.items[2].place, f"Machine '{name}' has no state '{initial}'.", suggest(initial, states)
             )
         return Spawn(made, initial, form.place)
 
     def _set_on_error(self, form: Form) -> None:
-        word = self._name(form, 1)
+        word = self._notes.name(form, 1)
         if word not in _ON_ERROR or len(form.items) != 2:
-            raise self._failed(form.items[1].place, f"(onerror {word}) is not known.", suggest(word, _ON_ERROR))
+            raise self._notes.failed(form.items[1].place, f"(onerror {word}) is not known.", suggest(word, _ON_ERROR))
         self._on_error = word  # type: ignore[assignment]
 
     def _rule(self, form: Form, names: _Names) -> Rule:
-        kind, *items = _first(form), *form.items[1:]
+        kind, *items = first_word(form), *form.items[1:]
         word, code = (items[0], items[1]) if len(items) == 2 else (items[0], None) if len(items) == 1 else (None, None)
         if kind == "always" and code is None:
             word, code = None, word
         is_complete = isinstance(code, Code) if kind == "always" else isinstance(word, Word)
         if not is_complete or not isinstance(code, Code | None) or not isinstance(word, Word | None):
-            raise self._shape(form)
-        block = None if code is None else self._needed(self._block(code, "condition", names))
+            raise self._notes.shape(form)
+        block = None if code is None else self._notes.needed(self._block(code, "condition", names))
         if kind == "always":
-            return Rule("always", code.text if word is None and code is not None else _text(word), block, form.place)
+            return Rule("always", code.text if word is None and code is not None else text_of(word), block, form.place)
         states = {one.name for machine in self._made_machines for one in machine.states}
-        if _text(word) not in states:
-            assert word is not None
-            raise self._failed(word.place, f"There is no state '{_text(word)}'.", suggest(_text(word), sorted(states)))
-        return Rule("break", _text(word), block, form.place)
+        return Rule("break", self._notes.known(items[0], states, "state"), block, form.place)
 
     def _machine(self, machine: _Machine) -> MachineDef:
         if machine.made is None:
+            if len(self._inside) >= MAX_LEVELS:
+                raise self._notes.failed(
+                    machine.form.place, "Machines are nested too deeply.", f"at most {MAX_LEVELS} levels."
+                )
             self._inside.append(machine)
             try:
                 machine.made = self._made(machine)
@@ -428,26 +420,28 @@ class _Language:
 
     def _made(self, machine: _Machine) -> MachineDef:
         assert machine.names is not None
-        name = self._name(machine.form, 1)
-        forms = [one for one in self._forms(machine.form, 2) if self._word(one, _IN_MACHINE, "a machine")]
+        name = self._notes.name(machine.form, 1)
+        forms = [one for one in self._notes.forms(machine.form, 2) if self._notes.word(one, _IN_MACHINE, "a machine")]
         scope = f"{self._prefix}{machine.form.place.line}:{machine.form.place.column}:{name}"
         names = self._with_variables(forms, machine.names, scope)
         own = {key: value for key, value in names.values.items() if key not in machine.names.values}
         names = replace(names, values={**machine.names.values, **own})
         events = self._events(forms, names)
         names = replace(names, events={**names.events, **events})
-        states = [state for one in forms if _first(one) == "state" for state in self._tried(self._state, one, names)]
+        states = [
+            state for one in forms if first_word(one) == "state" for state in self._notes.tried(self._state, one, names)
+        ]
         targets = [one.name for one in states]
         around = self._states_around(machine)
         transitions = [
             transition
             for one in forms
-            if _first(one) in ("on", "ontime", "eps", "exit")
-            for transition in self._tried(self._transition, one, names, targets, around)
+            if first_word(one) in ("on", "ontime", "eps", "exit")
+            for transition in self._notes.tried(self._transition, one, names, targets, around)
         ]
         for word, event in events.items():
             if not event.is_used:
-                self._add(event.place, f"No transition uses the event '{word}'.", is_error=False)
+                self._notes.add(event.place, f"No transition uses the event '{word}'.", is_error=False)
         return MachineDef(name, tuple(states), tuple(transitions), own, machine.form.place)
 
     def _states_around(self, machine: _Machine) -> list[str] | None:
@@ -456,22 +450,19 @@ class _Language:
             return None
         around = self._inside[-2].form
         return [
-            _text(one.items[1])
+            text_of(one.items[1])
             for one in around.items[2:]
-            if isinstance(one, Form) and _first(one) == "state" and len(one.items) > 1
+            if isinstance(one, Form) and first_word(one) == "state" and len(one.items) > 1
         ]
 
     def _events(self, forms: list[Form], names: _Names) -> dict[str, _Event]:
         found = dict[str, _Event]()
         for form in forms:
-            if _first(form) == "event":
-                try:
-                    name = self._name(form, 1)
-                    if name in found:
-                        self._add(form.items[1].place, f"There are two events '{name}' here.", "rename one.")
-                    found[name] = self._made_event(form, name, names)
-                except _FormError:
-                    continue
+            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "event" else ():
+                if name in found:
+                    self._notes.add(form.items[1].place, f"There are two events '{name}' here.", "rename one.")
+                for event in self._notes.tried(self._made_event, form, name, names):
+                    found[name] = event
         return found
 
     def _made_event(self, form: Form, name: str, names: _Names) -> _Event:
@@ -479,16 +470,13 @@ class _Language:
             return _Event(form.place, None)
         code = form.items[2]
         if len(form.items) > 3 or not isinstance(code, Code):
-            raise self._shape(form)
+            raise self._notes.shape(form)
         block = self._block(code, "condition", names)
         return _Event(form.place, None if block is None else replace(block, text=name))
 
     def _state(self, form: Form, names: _Names) -> StateDef:
-        name = self._name(form, 1)
-        self._states += 1
-        if self._states > MAX_STATES:
-            raise self._failed(form.place, f"The program has more than {MAX_STATES} states.", "split it.")
-        forms = [one for one in self._forms(form, 2) if self._word(one, _IN_STATE, f"state '{name}'")]
+        name = self._notes.name(form, 1)
+        forms = [one for one in self._notes.forms(form, 2) if self._notes.word(one, _IN_STATE, f"state '{name}'")]
         machines = self._machines(forms)
         names = replace(names, machines={**names.machines, **machines})
         for inner in machines.values():
@@ -497,48 +485,50 @@ class _Language:
         during: list[Block] = []
         leave: list[Block] = []
         for one in forms:
-            kind = _first(one)
+            kind = first_word(one)
             if kind == "machine":
                 continue
             if len(one.items) != 2:
-                self._tried(self._refuse, one)
+                self._notes.tried(self._notes.refuse, one)
                 continue
             content = one.items[1]
             if kind == "onentry" and isinstance(content, Form):
-                if self._word(content, ("spawn",), "onentry"):
-                    enter += self._tried(self._spawn, content, names)
+                if self._notes.word(content, ("spawn",), "onentry"):
+                    enter += self._notes.tried(self._spawn, content, names)
             elif isinstance(content, Code):
                 block = self._block(content, "block", names)
                 if block is not None:
                     {"onentry": enter, "running": during, "onexit": leave}[kind].append(block)  # type: ignore[attr-defined]
             else:
-                self._tried(self._refuse, one)
+                self._notes.tried(self._notes.refuse, one)
         spawned = {id(one.machine) for one in enter if isinstance(one, Spawn)}
         for machine in machines.values():
-            made = self._tried(self._machine, machine)
+            made = self._notes.tried(self._machine, machine)
             if made and id(made[0]) not in spawned:
-                self._add(machine.form.place, f"Machine '{made[0].name}' is never spawned.", is_error=False)
+                self._notes.add(machine.form.place, f"Machine '{made[0].name}' is never spawned.", is_error=False)
         return StateDef(name, tuple(enter), tuple(during), tuple(leave), form.place)
 
     def _transition(self, form: Form, names: _Names, states: list[str], around: list[str] | None) -> Transition:
-        kind: Kind = _first(form)  # type: ignore[assignment]
+        kind: Kind = first_word(form)  # type: ignore[assignment]
         at = 1 if kind == "eps" else 2
         ends = form.items[at:]
-        if len(ends) not in (3, 4) or not _is(ends[1], "->"):
-            raise self._shape(form)
-        source, target = _text(ends[0]), _text(ends[2])
-        name = _text(ends[3]) if len(ends) == 4 else f"{source}->{target}"
+        if len(ends) not in (3, 4) or not is_word(ends[1], "->"):
+            raise self._notes.shape(form)
+        source, target = text_of(ends[0]), text_of(ends[2])
+        name = text_of(ends[3]) if len(ends) == 4 else f"{source}->{target}"
         if not source or not target or not name:
-            raise self._shape(form)
-        if source != ANY and source not in states:
-            raise self._failed(ends[0].place, f"There is no state '{source}' here.", suggest(source, states))
+            raise self._notes.shape(form)
+        if source != ANY:
+            self._notes.known(ends[0], states, "state")
+        if kind == "exit" and source == ANY:
+            raise self._notes.failed(
+                ends[0].place, "(exit ...) names one state that it leaves.", "write one for each state."
+            )
         if kind == "exit" and around is None:
-            raise self._failed(
+            raise self._notes.failed(
                 form.place, "There is no machine around this one that (exit ...) could leave to.", "write (on ...)."
             )
-        targets = around if kind == "exit" and around is not None else states
-        if target not in targets:
-            raise self._failed(ends[2].place, f"There is no state '{target}' here.", suggest(target, targets))
+        self._notes.known(ends[2], around if kind == "exit" and around is not None else states, "state")
         signal, condition, after_ns = None, None, None
         if kind == "ontime":
             after_ns = self._time(form.items[1], names)
@@ -549,30 +539,28 @@ class _Language:
     def _event(self, item: Item, names: _Names) -> tuple[str | None, Block | None]:
         """Return the signal or the condition of a transition."""
         if isinstance(item, Code):
-            return None, self._needed(self._block(item, "condition", names))
-        name = _text(item)
-        if name not in names.events:
-            raise self._failed(item.place, f"There is no event '{name}' here.", suggest(name, names.events))
+            return None, self._notes.needed(self._block(item, "condition", names))
+        name = self._notes.known(item, names.events, "event")
         event = names.events[name]
         event.is_used = True
         return (name, None) if event.condition is None else (None, event.condition)
 
     def _time(self, item: Item, names: _Names) -> int | Block:
         """Return the time of `ontime` [ns], or a block that does."""
-        text = _text(item)
+        text = text_of(item)
         if text.isdecimal():
             if len(text) > 12:
-                raise self._failed(item.place, f"{text} ms is too long.", "a time-out in milliseconds, such as 300.")
+                raise self._notes.failed(
+                    item.place, f"{text} ms is too long.", "a time-out in milliseconds, such as 300."
+                )
             return int(text) * NS_PER_MS
         if isinstance(item, Word):
-            if text not in names.variables:
-                raise self._failed(item.place, f"There is no variable '{text}' here.", suggest(text, names.variables))
-            item = Code(text, item.place)
+            item = Code(self._notes.known(item, names.variables, "variable"), item.place)
         if not isinstance(item, Code):
-            raise self._failed(
+            raise self._notes.failed(
                 item.place, "A time-out is a number, a variable or [an expression].", "(ontime 300 ...)."
             )
-        block = self._needed(self._block(item, "condition", names))
+        block = self._notes.needed(self._block(item, "condition", names))
         bind = block.bind
 
         def in_ns(bindings: Bindings) -> Any:
@@ -587,68 +575,11 @@ class _Language:
         self.problems += problems
         return block
 
-    # -- mistakes -----------------------------------------------------------------------------------------------------
-
-    def _tried(self, make: Any, *arguments: Any) -> list[Any]:
-        """Return what a function makes, in a list; an empty one if it fails."""
-        try:
-            return [make(*arguments)]
-        except _FormError:
-            return []
-
-    def _needed(self, block: Block | None) -> Block:
-        if block is None:
-            raise _FormError
-        return block
-
-    def _refuse(self, form: Form) -> None:
-        raise self._shape(form)
-
-    def _word(self, form: Form, known: tuple[str, ...], where: str) -> str:
-        """Return the first word of a form; note it, and return nothing, if it is not known there."""
-        word = _first(form)
-        if word in known:
-            return word
-        place = form.items[0].place if form.items else form.place
-        what = f"'{word}' is not a form of {where}" if word else f"A form of {where} begins with a word"
-        self._add(place, f"{what}.", suggest(word, known, "known here are"))
-        return ""
-
-    def _forms(self, form: Form, begin: int) -> Iterator[Form]:
-        for one in form.items[begin:]:
-            if isinstance(one, Form):
-                yield one
-            else:
-                self._add(one.place, f"'{_text(one)}' cannot be here.", f"{_SHAPES[_first(form)]}.")
-
-    def _name(self, form: Form, i: int) -> str:
-        """Return the word at an index.
-
-        Raises:
-            _FormError: there is none.
-        """
-        item = form.items[i] if len(form.items) > i else None
-        if not isinstance(item, Word) or not item.text[0].isalpha():
-            raise self._shape(form)
-        return item.text
-
-    def _shape(self, form: Form) -> _FormError:
-        word = _first(form)
-        return self._failed(form.place, f"({word} ...) is not complete, or has too much.", f"{_SHAPES[word]}.")
-
-    def _failed(self, place: Place, message: str, fix: str) -> _FormError:
-        self._add(place, message, fix)
-        return _FormError()
-
-    def _add(self, place: Place, message: str, fix: str = "", *, is_error: bool = True) -> None:
-        self.problems.append(Problem(place, message, fix, is_error))
-
 
 class _Start:
     """The context of initialisers: there is no time yet, and no signal."""
 
-    now_ns, in_state_ms, signal = 0, 0.0, ()
-    turns = work = 0
+    now_ns, in_state_ms, signal, work = 0, 0.0, (), MAX_WORK
 
     def random(self) -> float:
         raise ParameterError("An initialiser cannot draw random numbers.", fix="draw them in (onentry [...]).")
@@ -664,18 +595,6 @@ def _merged(names: _Names, found: _Names) -> _Names:
         {**names.definitions, **found.definitions},
         {**names.machines, **found.machines},
     )
-
-
-def _first(form: Form) -> str:
-    return _text(form.items[0]) if form.items else ""
-
-
-def _text(item: Item | None) -> str:
-    return item.text if isinstance(item, (Word, Text)) else ""
-
-
-def _is(item: Item, text: str) -> bool:
-    return isinstance(item, Word) and item.text == text
 
 
 def _own(names: Iterable[str]) -> dict[str, str]:

@@ -46,6 +46,21 @@ class Problem:
     is_error: bool = True
 
 
+def show_problem(problem: Problem, place: str, lines: list[str]) -> str:
+    """Return a problem as text: where it is, what is wrong, the line with a mark below it, and what to try."""
+    at = problem.place
+    kind = "" if problem.is_error else "warning: "
+    shown = [f"{place}:{at.line}:{at.column}: {kind}{problem.message}"]
+    if 0 < at.line <= len(lines):
+        line = lines[at.line - 1]
+        width = at.end_column - at.column if at.end_line == at.line else len(line) - at.column + 1
+        shown.append(f"{at.line:6}  {line}")
+        shown.append(" " * (7 + at.column) + "^" * max(1, min(width, len(line) - at.column + 1)))
+    if problem.fix:
+        shown.append(f"  Try: {problem.fix}")
+    return "\n".join(shown)
+
+
 class ProgramError(SnrError):
     """A program has mistakes: `problems` has all of them."""
 
@@ -64,11 +79,13 @@ class Bindings:
         slots: the values of all variables; the list stays the same.
         index: index in it of each variable that can be seen, by name.
         robot: what the program commands, if anything; see `bridge.py`.
+        is_undone: whether a block that raises is undone.
     """
 
     slots: list[Any]
     index: Mapping[str, int]
     robot: Any = None
+    is_undone: bool = True
 
 
 @dataclass(frozen=True)
@@ -76,21 +93,28 @@ class Block:
     """A piece of code of a program.
 
     Args:
-        text: as written in the program, for messages and drawings.
+        text: as written in the program, for messages and drawings; of a function in Python, its name.
         place: of it.
         bind: returns what is called with a `MachineContext`. A condition returns whether it holds; any other block,
-            tasks or None.
+            tasks or None. Those of blocks that do the same are equal.
         drives: parts of the robot that it commands; of a block of text.
+        writes: keys of the variables that it assigns; of a function in Python None: it may assign all.
+        is_commanding: whether it commands the robot.
         parts: returns the parts of a condition in text, for an explanation: readings, variables, what is compared.
-        function: of Python, if it is one: two of one name may be different.
     """
 
     text: str
     place: Place
     bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
     drives: frozenset[str] = frozenset()
+    writes: frozenset[str] | None = None
+    is_commanding: bool = True
     parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)
-    function: Callable[[Any], Any] | None = field(default=None, repr=False)
+
+    @property
+    def line(self) -> str:
+        """Its text in one line, to be shown."""
+        return " ".join(self.text.split())
 
 
 @dataclass(frozen=True)
@@ -165,6 +189,13 @@ class MachineDef:
         for _, one in sorted((*own, *anywhere), key=lambda row: row[0]) if own and anywhere else (own or anywhere):
             if one.source != ANY or one.target != state:
                 yield one
+
+    @cached_property
+    def extent(self) -> tuple[int, int]:
+        """How many states it has, with those of the machines in them; and how many levels of machines."""
+        inside = [spawn.machine.extent for state in self.states for spawn in state.spawns]
+        states = len(self.states) + sum(count for count, _ in inside)  # exact: integers
+        return states, 1 + max((level for _, level in inside), default=0)
 
     @cached_property
     def _by_source(self) -> dict[str, list[tuple[int, Transition]]]:

@@ -17,8 +17,9 @@ MAX_CHARACTERS = 1_000_000
 MAX_DEPTH = 100  # of forms in forms
 MAX_PROBLEMS = 20
 
-_SPACE = re.compile(r"(?:[ \t\r\n\f]+|;[^\n]*)+")
+_SPACE = re.compile(r"(?:[ \t\r\n\f\ufeff]+|;[^\n]*)+")  # some editors begin a file with U+FEFF
 _WORD = re.compile(r"->|:=|\*|[0-9]+|[A-Za-z][A-Za-z0-9_]*(?:-+[A-Za-z0-9_]+)*")
+_CODE = re.compile(r"\w+$")  # the word before a place
 _JUNK = re.compile(r"[^\s()\[\];\"]+")
 _QUOTE = re.compile(r"(?i:[rbuf]{0,2})('''|\"\"\"|'|\")")
 _CLOSING = {"(": ")", "[": "]", "{": "}"}
@@ -138,9 +139,14 @@ class _Reader:
             return found.end()
         junk = _JUNK.match(text, at)
         end = at + 1 if junk is None else junk.end()
-        self._report(
-            at, end, f"{text[at:end]!r} cannot be here.", "names begin with a letter; Python is in [brackets]."
-        )
+        fix = "names begin with a letter; Python is in [brackets]."
+        if first == "." and (code := _CODE.search(text, max(0, at - 40), at)):
+            stop, depth = min(len(text), at + 80), 0
+            while end < stop and text[end] != "\n" and depth - (text[end] == ")") >= 0:
+                depth += (text[end] == "(") - (text[end] == ")")
+                end += 1  # to the bracket that closes the form
+            fix = f"write Python in brackets: [{text[code.start() : end].strip()}]."
+        self._report(at, end, f"{text[at:end].strip()!r} cannot be here.", fix)
         return end
 
     def _read_code(self, at: int) -> int:

@@ -26,15 +26,16 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.checks import problems_of
-from snr_sim.behaviors.context import plain_value
+from snr_sim.behaviors.context import NS_PER_S, plain_value
 from snr_sim.behaviors.export import as_text
-from snr_sim.behaviors.interpreter import NS_PER_S
 from snr_sim.behaviors.program import (
     ANY,
+    Bindings,
     Block,
     MachineDef,
     Place,
@@ -84,7 +85,7 @@ def after(
     if callable(time_s):
         text = _text_of(time_s)
         function = time_s
-        time: int | Block = Block(text, _place(), lambda bindings: lambda m: round(function(m) * NS_PER_S))
+        time: int | Block = Block(text, _place(), _Given(lambda m: round(function(m) * NS_PER_S)))
     elif isinstance(time_s, (int, float)) and math.isfinite(time_s) and time_s >= 0.0:
         time = round(time_s * NS_PER_S)
     else:
@@ -202,10 +203,33 @@ def _program(one: object, name: str) -> Program:
     return one
 
 
-def _text_of(function: Function) -> str:
-    """Return a function's name; that of one without a name says where it is."""
-    name = getattr(function, "__name__", type(function).__name__)
-    return f"lambda in line {_line_of(function)}" if name == "<lambda>" else name
+@dataclass(frozen=True)
+class _Given:
+    """Binds a function that needs no bindings. Those of one function are equal."""
+
+    function: Function
+
+    def __call__(self, bindings: Bindings) -> Function:
+        """Return the function."""
+        return self.function
+
+
+def _text_of(function: Any) -> str:
+    """Return a function's name, with where it is if it has none, and with the plain values that it was made with."""
+    if isinstance(function, partial):
+        return f"{_text_of(function.func)}{_shown(enumerate(function.args))}{_shown(function.keywords.items())}"
+    name, code = getattr(function, "__name__", type(function).__name__), getattr(function, "__code__", None)
+    if code is None:
+        return name
+    if name == "<lambda>":
+        column = next((begin for _, _, begin, _ in code.co_positions() if begin), 0)
+        name = f"lambda in line {code.co_firstlineno}, column {column + 1}"
+    cells = [(key, cell.cell_contents) for key, cell in zip(code.co_freevars, function.__closure__ or (), strict=True)]
+    return f"{name}{_shown(enumerate(function.__defaults__ or ()))}{_shown(cells)}"
+
+
+def _shown(values: Iterable[tuple[Any, Any]]) -> str:
+    return "".join(f" {key}={value!r}" for key, value in values if isinstance(value, (int, float, str, tuple)))
 
 
 def _line_of(function: Function) -> int:
@@ -218,7 +242,7 @@ def _block(function: object, what: str) -> Block:
         raise ParameterError(
             f"{what}={function!r} is not a function.", fix="its name without brackets, such as is_near."
         )
-    return Block(_text_of(function), Place(_line_of(function)), lambda bindings: function, function=function)
+    return Block(_text_of(function), Place(_line_of(function)), _Given(function))
 
 
 def _optional(function: object, what: str) -> Block | None:

@@ -150,7 +150,8 @@ def _lag(run: Path, as_json: bool) -> None:
 
 def _check(file: str, name: str, robot: str, as_json: bool) -> None:
     """Print the problems of a program; exit with status 1 if one is a mistake."""
-    from snr_sim.scenario.machine_controller import MachineError, show_problem
+    from snr_sim.behaviors.program import show_problem
+    from snr_sim.scenario.machine_controller import MachineError
 
     try:
         program = _program_in(file, name, robot)

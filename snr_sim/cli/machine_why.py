@@ -47,17 +47,20 @@ def why(
         round(from_s * NS_PER_S), round(until_s * NS_PER_S) if until_s < 1e9 else 2**62, machine, target
     )
     with capture_output(is_json=True):
-        paths = _replay(trace, plan, evaluations)
-    if machine and machine not in paths:
-        raise UnknownNameError(f"This run has no machine '{machine}'.", fix=suggest(machine, paths))
+        states = _replay(trace, plan, evaluations)
+    if machine and machine not in states:
+        raise UnknownNameError(f"This run has no machine '{machine}'.", fix=suggest(machine, states))
+    known = {name for path, names in states.items() for name in names if machine in ("", path)}
+    if target and target not in known and not evaluations.found:  # an edit may have added it
+        raise UnknownNameError(f"There is no state '{target}' in its machines.", fix=suggest(target, sorted(known)))
     if as_json:
         print_json({"rows": summary(evaluations.found), "left_out": evaluations.left_out})
         return
     _print(evaluations, is_moment=until_s - from_s < 1.0)
 
 
-def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> list[str]:
-    """Execute the run again and log the evaluations; return the paths of its machines."""
+def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> dict[str, list[str]]:
+    """Execute the run again and log the evaluations; return the states of its machines by path."""
     from snr_sim.behaviors.explain import explaining
     from snr_sim.core.reload.source_files import reading_from
     from snr_sim.recording.replay import replay_node
@@ -74,7 +77,8 @@ def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> list
             replay_node(trace, node.removesuffix("_node"), config, (), plan.files.begin_task)
     if not programs:
         raise UnknownNameError("This run has no state machine.", fix="name a run whose controller has one.")
-    return [path for one in programs for path, _ in one.walk()]
+    found = [row for one in programs for row in one.walk()]
+    return {path: [state.name for state in spawn.machine.states] for path, spawn in found}
 
 
 def _print(evaluations: EvaluationLog, *, is_moment: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
@@ -45,10 +45,6 @@ class NodeComponent(ComponentMembers):
     # Whether a reload of all components includes it. False for a console, whose connection carries the reply.
     is_reloaded_with_all: ClassVar[bool] = True
 
-    # Files whose text the component takes by an event, when they are saved while `--watch` reads them: the name of the
-    # event, and the values that follow the text in it.
-    watched_texts: Mapping[Path, tuple[str, ...]] = {}
-
     # On the class: makes a factory, `Gentle.factory(name="gentle", hover=0.3)`. On a component: the factory it is from.
     factory: FactoryOfClass = FactoryOfClass(ComponentFactory)
 
@@ -60,6 +56,11 @@ class NodeComponent(ComponentMembers):
         if short is not None:
             for key, value in short.settings.items():
                 setattr(self, key, value)
+
+    @property
+    def watched_files(self) -> Mapping[Path, Callable[[], SomeTasks]]:
+        """Files that `--watch` reads for the component, each with what returns the tasks when it was saved."""
+        return {}
 
     def halt(self) -> None:
         """End the work; the node calls it once."""

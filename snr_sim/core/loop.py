@@ -155,6 +155,10 @@ class Loop(LoopMembers, NodeComponent):
     def halt(self) -> None:
         """End the work; called once after the last `loop`, on the same thread."""
 
+    def on_death(self, message: str) -> SomeTasks:
+        """Return the tasks to send when its process has died; called on another thread. None ends the node."""
+        return None
+
     def begin(self) -> None:
         """Start ticking.
 

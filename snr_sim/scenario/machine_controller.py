@@ -15,9 +15,9 @@ from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.endpoint import machine_parts
-from snr_sim.behaviors.imports import MAX_FILES, actions_of, files_named
+from snr_sim.behaviors.imports import MAX_FILES, actions_of, files_named, texts_of
 from snr_sim.behaviors.language import parse
-from snr_sim.behaviors.program import Problem, Program, ProgramError
+from snr_sim.behaviors.program import Problem, Program, ProgramError, show_problem
 from snr_sim.core.reload.source_files import source_files
 from snr_sim.core.source_location import short_path
 from snr_sim.prelude.errors import ConfigError, SnrError
@@ -103,18 +103,15 @@ def _text_of(path: Path) -> str:
 
 def _others_of(path: Path, text: str, load: LoadModule) -> tuple[dict[str, str], dict[str, dict[str, Any]]]:
     """Return the texts that a program imports, and the functions of the Python files that it names."""
-    files, actions, left = dict[str, str](), dict[str, dict[str, Any]](), [text]
-    while left:
-        imported, modules = files_named(left.pop())
-        for name in imported:
-            beside = path.parent / name
-            if name not in files and len(files) < MAX_FILES and source_files().is_file(beside):
-                files[name] = _text_of(beside)
-                left.append(files[name])
-        for name in modules:
-            beside = path.parent / name
-            if name not in actions and len(actions) < MAX_FILES and source_files().is_file(beside):
-                actions[name] = actions_of(vars(load(str(beside))))
+
+    def read_text(name: str) -> str | None:
+        return _text_of(path.parent / name) if source_files().is_file(path.parent / name) else None
+
+    files = texts_of(text, read_text)
+    actions = dict[str, dict[str, Any]]()
+    for name in dict.fromkeys(name for one in (text, *files.values()) for name in files_named(one)[1]):
+        if len(actions) < MAX_FILES and source_files().is_file(path.parent / name):
+            actions[name] = actions_of(vars(load(str(path.parent / name))))
     return files, actions
 
 
@@ -126,18 +123,3 @@ class MachineError(ConfigError):
         first, *others = (show_problem(one, place, lines) for one in problems)
         SnrError.__init__(self, "\n".join([first, *others]))
         self.problems: list[Problem] = problems
-
-
-def show_problem(problem: Problem, place: str, lines: list[str]) -> str:
-    """Return a problem as text: where it is, what is wrong, the line with a mark below it, and what to try."""
-    at = problem.place
-    kind = "" if problem.is_error else "warning: "
-    shown = [f"{place}:{at.line}:{at.column}: {kind}{problem.message}"]
-    if 0 < at.line <= len(lines):
-        line = lines[at.line - 1]
-        width = at.end_column - at.column if at.end_line == at.line else len(line) - at.column + 1
-        shown.append(f"{at.line:6}  {line}")
-        shown.append(" " * (7 + at.column) + "^" * max(1, min(width, len(line) - at.column + 1)))
-    if problem.fix:
-        shown.append(f"  Try: {problem.fix}")
-    return "\n".join(shown)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
 import resource
 import time
@@ -12,8 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from snr_sim.behaviors import Interpreter, ProgramError, parse
 from snr_sim.behaviors.block_bounds import BlockError
-from snr_sim.behaviors.blocks import Scope, compile_block
+from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
+from snr_sim.behaviors.context import MAX_WORK
 from snr_sim.behaviors.program import Bindings, Place
 
 PARTS = {"range": frozenset({"read"}), "motor": frozenset({"start", "stop"})}
@@ -29,16 +32,14 @@ class Context(SimpleNamespace):
 
 
 def context() -> Context:
-    return Context(now_ns=2_500_000, in_state_ms=12.5, signal=(1, "two"), turns=0, work=0, logged=[])
+    return Context(now_ns=2_500_000, in_state_ms=12.5, signal=(1, "two"), work=MAX_WORK, logged=[])
 
 
 def scope(variables: Any, definitions: Any = None) -> Scope:
-    seen = tuple((name, name) for name in variables)
-    return Scope(
-        {name: name for name in variables},
-        {name: (given, text, seen) for name, (given, text) in (definitions or {}).items()},
-        PARTS,
-    )
+    seen, helpers = tuple((name, name) for name in variables), dict[str, Definition]()
+    for name, (parameters, text) in (definitions or {}).items():
+        helpers[name] = define(parameters, text, seen, tuple(helpers.items()))
+    return Scope({name: name for name in variables}, helpers, PARTS)
 
 
 def run(text: str, kind: Any = "block", definitions: Any = None, **variables: Any) -> Any:
@@ -85,6 +86,10 @@ def problems_of(text: str, kind: Any = "block", definitions: Any = None, *variab
         ("all(i < x for i in (1, 2))", True),
         ('f"{x:.2f} {y!r}"', "3.00 True"),
         ("[1, [2, 3]]", (1, (2, 3))),
+        ("any(x > 3 for x in (1, 2))", False),
+        ("[x for x in (x, 7) if x > 3], x", ((7,), 3)),
+        ("[(x, i) for i in (x,) for x in (i, 9)]", ((3, 3), (9, 3))),
+        ("[[x + y for y in (x, 1)] for x in (5, y)]", ((10, 6), (2, 2))),
         ("x is None or x is not None", True),
         ("'\\d'", "\\d"),
         ("(1, 2, 3)[1:]", (2, 3)),
@@ -169,6 +174,14 @@ def test_assignment_of_the_original_language_is_read_with_a_warning() -> None:
         ("", (7, 11), "The brackets are empty"),
         ("x = b'bytes'", (7, 15), "is not a number, text, True, False or None"),
         ("x = max(*x)", (7, 19), "'starred' cannot be used"),
+        ("x = [i for i in (1, 2)]; y = i", (7, 40), "There is no 'i' here"),
+        ("x = [i for i in i]", (7, 27), "There is no 'i' here"),
+        ("x = robot.range.read < 20", (7, 15), "'robot.range.read' must be called. robot.range.read()."),
+        ("robot.stop", (7, 11), "'robot.stop' must be called. robot.stop()."),
+        ("robot.motor.start", (7, 11), "'robot.motor.start' must be called. robot.motor.start(value)."),
+        ("robot.motor.start()", (7, 11), "'start' takes 1 values, and is given 0. robot.motor.start(50)."),
+        ("x = robot.range.read(3)", (7, 15), "'read' takes 0 values, and is given 1. robot.range.read()."),
+        ("robot.stop(1)", (7, 11), "'stop' takes 0 values, and is given 1. robot.stop()."),
         ("print(x)", (7, 11), "'print' cannot be called"),
         ("x = near(1, 2)", (7, 15), "'near' takes 1 values, and is given 2"),
         ("x = int(x, base=2)", (7, 22), "'base=' cannot be used here"),
@@ -231,6 +244,67 @@ def test_hostile_block_ends_at_once(text: str) -> None:
     assert isinstance(caught.value, (BlockError, ValueError, OverflowError, RecursionError, Exception))
 
 
+# What each of them works on is as large as it may be.
+LARGE = """t = tuple(range(900)); s = 'abcdefgh' * 400; b = 7 ** 300; c = str(b)
+u = [(i, i + 1) for i in range(300)]; f = [i * 1.1 for i in range(180)]
+"""
+OPERATIONS = [
+    "9000 in t", "'z' in s", "t == tuple(range(900))", "t < t", "sorted(u)", "sorted(f)", "str(f)", "str(u)",
+    "sum(range(10000))", "max(range(10000))", "1.5 in range(10000)", "b * b", "b // 3", "b % (b - 1)", "str(b)",
+    "b ** 1", "float(s)", "float(c)", "int(c)", "f'{f}'", "f'{f!r:.1}'", "t[1:]", "s[1:]", "t + t", "s + s", "u * 1",
+    "s * 1", "round(b, -99)", "round(1.5, 99)", "math.dist(t, t)", "math.hypot(1.5, 2.5)", "abs(b)", "divmod(b, b - 1)",
+    "tuple(zip(t, t))", "max(zip(t, t))", "tuple(enumerate(t))", "tuple(reversed(t))", "any(t)", "all(t)", "max(s)",
+    "[i for i in t]", "sum(i for i in t)", "s == s + ''", "(t, u)", "[[1, 2], [3, x]]", "log(s)", "robot.stop()",
+    "robot.range.read()", "x + 1", "x * x", "x << 900", "x ** 2", "x if x else 3", "-x", "len(t)", "random()", "b == b",
+    "f'{x:1000}'", "f'{s:1000}'", "max(f, default=3)", "2.5 ** x", "x in (1, 2, 3)", "tuple(s)", "sorted(s)", "(x, x)",
+    "int('9' * 300)", "t[x]", "now_ms", "b >> 3", "b - b",
+]  # fmt: skip
+
+
+def time_hostile(operation: str, form: str) -> None:
+    many = [operation] * ((3700 - len(LARGE)) // (len(operation) + 2))
+    each, loop = "; ".join(many), "for i in range(10000): "
+    code = {"once": f"{loop}y = {operation}", "many": loop + each, "tuple": f"{loop}y = {', '.join(many[:300])}"}[form]
+    block, problems = compile_block(LARGE + code, HERE, "block", scope({"x": 1}))
+    assert block is not None, problems
+    robot = SimpleNamespace(range=SimpleNamespace(read=lambda: 42.0), stop=lambda: None)
+    bound, m = block.bind(Bindings([1], {"x": 0}, robot)), context()
+    began_s = time.process_time()
+    with contextlib.suppress(BlockError, ArithmeticError, TypeError, ValueError):
+        bound(m)
+    assert time.process_time() - began_s < 0.2, code[:80]  # 50 ms, on a machine that does other work
+
+
+@given(st.sampled_from(OPERATIONS), st.sampled_from(["once", "many", "tuple"]))
+def test_operation_on_large_values_in_a_loop_ends_at_once(operation: str, form: str) -> None:
+    time_hostile(operation, form)
+
+
+@pytest.mark.slow
+def test_every_operation_on_large_values_in_a_loop_ends_at_once() -> None:
+    for operation in OPERATIONS:
+        for form in ("once", "many", "tuple"):
+            time_hostile(operation, form)
+
+
+def test_all_blocks_of_a_step_share_their_work_and_small_ones_have_some() -> None:
+    greedy = "\n(running [for i in range(10000): x = sum(range(1000))])" * 300
+    text = f"(var x := [0])(machine m (state a {greedy} (running [x = max(x, -1) + 7])))(spawn m a)"
+    interpreter = Interpreter(parse(text))
+    interpreter.spawn(0)
+    began_s = time.process_time()
+    interpreter.step(1)
+    assert time.process_time() - began_s < 0.2
+    assert interpreter.variables == {"x": 7}
+    assert "compute too much" in next(iter(interpreter.problems.values())).message
+
+
+def test_helpers_that_multiply_what_they_call_are_refused() -> None:
+    levels = "".join(f"(def f{i} [{' + '.join([f'f{i - 1}()'] * 30)}])" for i in range(1, 9))
+    with pytest.raises(ProgramError, match="the helpers that it calls are too large"):
+        parse(f"(def f0 [1]){levels}(machine m (state a (running [log(f8())])))(spawn m a)")
+
+
 NAMES = ["x", "y", "robot.range.read()", "now_ms", "math.pi", "3", "-0.5", "'ab'", "(1, 2)", "None", "True", "signal"]
 JOINS = [
     " + ",
@@ -249,7 +323,21 @@ JOINS = [
     " in ",
     ", ",
 ]
-AROUND = ["str({})", "len({})", "[{}]", "({})", "max({})", "tuple({})", "-{}", "not {}", "{}[0]", "{}[:]", "int({})"]
+AROUND = [
+    "[{} for x in (y, 1)]",
+    "any(y for y in ({},) if x)",
+    "str({})",
+    "len({})",
+    "[{}]",
+    "({})",
+    "max({})",
+    "tuple({})",
+    "-{}",
+    "not {}",
+    "{}[0]",
+    "{}[:]",
+    "int({})",
+]
 
 
 def random_expression(rng: random.Random, depth: int) -> str:
@@ -258,6 +346,39 @@ def random_expression(rng: random.Random, depth: int) -> str:
     if rng.random() < 0.4:
         return rng.choice(AROUND).format(random_expression(rng, depth - 1))
     return f"({random_expression(rng, depth - 1)}{rng.choice(JOINS)}{random_expression(rng, depth - 1)})"
+
+
+def plain_expression(rng: random.Random, names: str, depth: int) -> str:
+    """Return an expression whose value is an integer; its comprehensions hide names."""
+    if depth == 0 or rng.random() < 0.1:
+        return rng.choice([*names, str(rng.randrange(9))])
+
+    def one(more: str = "") -> str:
+        return plain_expression(rng, names + more, depth - 1)
+
+    how = rng.randrange(6)
+    if how == 0:
+        return f"({one()} {rng.choice(['+', '-', '*', '//', '%', 'and', 'or', '<', '==', '<<'])} {one()})"
+    if how == 1:
+        return f"({one()} if {one()} else {one()})"
+    if how == 2:
+        return f"{rng.choice(['max', 'min'])}({one()}, {one()})"
+    if how == 3:
+        return f"({one()}, {one()}, {one()})[{rng.randrange(3)}]"
+    name, inner = rng.choice("xyi"), rng.choice("xyj")
+    rows = f"for {name} in ({one()}, {one()}) if {one(name)} for {inner} in range(abs({one(name)}) % 3)"
+    return f"{rng.choice(['sum', 'any', 'len'])}([{one(name + inner)} {rows}])"
+
+
+@given(st.integers(0, 10**9), st.integers(-5, 5), st.integers(-5, 5))
+def test_value_of_an_expression_is_that_of_python(seed: int, x: int, y: int) -> None:
+    text = plain_expression(random.Random(seed), "xy", 3)
+    try:
+        due = eval(text, {"x": x, "y": y})
+    except (ArithmeticError, ValueError, NameError):
+        return
+    if abs(due) < 2**60:
+        assert run(text, "condition", x=x, y=y) == due
 
 
 def random_block(rng: random.Random) -> str:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from snr_sim.behaviors import Bridge, Drive, Interpreter, Program, Read, parse
 from snr_sim.behaviors.export import as_text
-from snr_sim.behaviors.program import MachineDef, Spawn
+from snr_sim.behaviors.program import Block, MachineDef, Place, Rule, Spawn
 from tests.behaviors.programs import programs, steps
 
 MS = 1_000_000
@@ -232,14 +232,62 @@ def test_everything_deleted_stops_the_robot_and_a_later_program_begins_new() -> 
     assert interpreter.variables["dora.turns"] == 0
 
 
+def test_variables_deep_in_inactive_states_are_kept_in_a_state_that_is_renamed() -> None:
+    deep = "(state down (machine deep (var d := [0]) (state s)) (onentry (spawn deep s)))"
+    text = edited(EXPLORER, "(state down)", deep)
+    interpreter, _ = looking(text)
+    interpreter.set("dora/looking/nod/down/deep.d", 7)
+    found, _ = edit(interpreter, text.replace("looking", "searching"))
+    assert found.notes == []
+    assert interpreter.variables["dora/searching/nod/down/deep.d"] == 7
+
+
+def test_problems_of_a_block_that_was_repaired_are_past() -> None:
+    interpreter, _ = looking(EXPLORER.replace("[turns = turns + 1]", "[turns = 1 / 0]"))
+    interpreter.step(1010 * MS)
+    assert [one.block for one in interpreter.problems.values()] == ["turns = 1 / 0"]
+    edit(interpreter, EXPLORER, 1020)
+    assert interpreter.problems == {}
+    assert [one.count for one in interpreter.past_problems.values()] == [1]
+
+
 # -- random edits -----------------------------------------------------------------------------------------------------
+
+
+def fail(m: Any) -> None:
+    raise ValueError("planted")
+
+
+BLOCKS = st.sampled_from([(), (), (Block("fail", Place(), lambda bindings: fail),)])
+
+
+def failing(draw: Any, spawn: Spawn) -> Spawn:
+    """Return a machine some of whose blocks raise, and of those inside it."""
+    states = [
+        replace(
+            one,
+            enter=(*(failing(draw, inner) for inner in one.spawns), *draw(BLOCKS)),
+            during=draw(BLOCKS),
+            leave=draw(BLOCKS),
+        )
+        for one in spawn.machine.states
+    ]
+    return replace(spawn, machine=replace(spawn.machine, states=tuple(states)))
 
 
 def changed_program(draw: Any, program: Program) -> Program:
     """Return the program with one element of its first machine changed."""
     first = program.spawns[0]
     machine = first.machine
-    how = draw(st.sampled_from(["same", "arrow", "state", "initial", "other"]))
+    how = draw(st.sampled_from(["same", "arrow", "state", "initial", "other", "gone", "none"]))
+    if how == "none" or (how == "gone" and len(machine.states) == 1):
+        return replace(program, sha256="none", spawns=program.spawns[1:])
+    if how == "gone":
+        states = tuple(replace(one, enter=()) for one in machine.states[1:])  # what is inside may exit to the one gone
+        kept = {one.name for one in states}
+        arrows = [one for one in machine.transitions if one.target in kept or one.kind == "exit"]
+        machine = replace(machine, states=states, transitions=tuple(arrows))
+        first = Spawn(machine, states[0].name)
     if how == "arrow" and machine.transitions:
         machine = replace(machine, transitions=machine.transitions[1:])
     elif how == "state":
@@ -249,7 +297,7 @@ def changed_program(draw: Any, program: Program) -> Program:
     initial = machine.states[-1].name if how == "initial" else first.initial
     spawns = (Spawn(machine, initial), *program.spawns[1:])
     text = as_text(spawns)
-    return Program(text, hashlib.sha256(text.encode()).hexdigest(), spawns)
+    return replace(program, text=text, sha256=hashlib.sha256(text.encode()).hexdigest(), spawns=spawns)
 
 
 @given(programs(), st.lists(steps, max_size=15), st.lists(steps, max_size=10), st.data())
@@ -273,6 +321,30 @@ def test_edit_keeps_every_machine_that_both_programs_have(
     for passed_ns, pages["holding"], signal in later:
         now_ns += passed_ns
         interpreter.step(now_ns, signal)
+        for path in interpreter.active:
+            if "/" in path:
+                above, _, place = path.rpartition("/")[0].rpartition("/")
+                assert interpreter.active[above] == place
+
+
+@given(programs(), st.lists(st.one_of(steps, st.just(None)), max_size=15), st.data())
+def test_edits_of_machines_that_stop_at_errors_leave_only_whole_machines(
+    program: Program, history: list[Any], data: Any
+) -> None:
+    """At each None of the history the program is edited."""
+    program = replace(program, on_error="stop", spawns=tuple(failing(data.draw, one) for one in program.spawns))
+    rules = (Rule("always", "planted", Block("fail", Place(), lambda bindings: fail)),)
+    pages: dict[str, Any] = {"holding": set()}
+    interpreter, now_ns = Interpreter(replace(program, rules=rules), pages), 0
+    interpreter.spawn(0)
+    for row in (None, *history, None):
+        if row is None:
+            found, changes = interpreter.edit(changed_program(data.draw, program), now_ns)
+            assert len({(one.machine, one.kind) for one in changes}) == len(changes), "none is left twice"
+            assert not set(found.stopped) & set(found.kept)
+        else:
+            now_ns, pages["holding"] = now_ns + row[0], row[1]
+            interpreter.step(now_ns, row[2])
         for path in interpreter.active:
             if "/" in path:
                 above, _, place = path.rpartition("/")[0].rpartition("/")

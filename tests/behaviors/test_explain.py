@@ -53,6 +53,14 @@ def test_values_of_parts_are_those_of_the_step() -> None:
     assert "ZeroDivisionError" in next(one for one in evaluations.found if one.transition == "broken").error
 
 
+def test_time_out_that_is_computed_is_shown_with_what_it_is_computed_from() -> None:
+    text = "(var turn_ms := [30])(machine m (state a) (state b) (ontime [turn_ms * 2] a -> b))(spawn m a)"
+    (one,) = looked_at(text, [20]).found
+    assert (one.elapsed_ns, one.after_ns, one.is_true, one.values) == (20_000_000, 60_000_000, False, {"turn_ms": "30"})
+    (row,) = summary([one])
+    assert (row["after_s"], row["values"]) == (0.06, {"turn_ms": "30"})
+
+
 def test_random_numbers_are_not_drawn_twice() -> None:
     import numpy as np
 
@@ -133,5 +141,7 @@ def test_wrong_questions_are_answered(run: Path, record_scenario: object, capsys
         why(run, "", "", 2.0, 1.0, trust=True, as_json=False)
     with pytest.raises(UnknownNameError, match="no state machine"):
         why(record_scenario().path.parent, "", "", 0.0, 1.0, trust=True, as_json=False)  # type: ignore[operator]
-    why(run, "dora", "nowhere", 0.0, 1.0, trust=True, as_json=False)
+    with pytest.raises(UnknownNameError, match="did you mean 'stopped'"):
+        why(run, "dora", "stoped", 0.0, 1.0, trust=True, as_json=False)
+    why(run, "dora", "waiting", 0.0, 9.0, trust=True, as_json=False)
     assert "no transition was looked at" in capsys.readouterr().out

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import operator
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.behaviors import Interpreter, after, exits, machine, on, parse, state
+from snr_sim.behaviors import Interpreter, Program, after, exits, machine, on, parse, state
 from snr_sim.behaviors.explore import MAX_CONFIGURATIONS, explore
 from snr_sim.cli.machine import machine as machine_verb
 from snr_sim.scenario import library
@@ -96,6 +98,58 @@ def test_emergency_stop_hides_nothing() -> None:
         anywhere=[on("stop", to="stopped")],
     )  # fmt: skip
     assert explore(made)[0] == []
+
+
+def above(limit: float) -> Any:
+    return lambda m: m.data("x") > limit
+
+
+class Bound:
+    """Functions of one name."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit = limit
+
+    def is_above(self, m: Any) -> bool:
+        return bool(m.data("x") > self.limit)
+
+
+ONE, TWO = Bound(1), Bound(2)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (lambda m: m.data("x"), lambda m: m.data("y")),
+        (partial(operator.contains, "x"), partial(operator.contains, "y")),
+        (above(1.0), above(2.0)),
+        (ONE.is_above, TWO.is_above),
+    ],
+)
+def test_conditions_that_are_two_functions_of_one_name_hide_nothing(first: Any, second: Any) -> None:
+    def made(*conditions: Any) -> Program:
+        arrows = [on(one, to="b", name=name) for one, name in zip(conditions, "pq", strict=True)]
+        return machine("m", "a", [state("a", *arrows), state("b", on("back", to="a"))])
+
+    assert explore(made(first, second))[0] == []
+    assert [one.kind for one in explore(made(first, first))[0]] == ["hidden"]
+    if first not in (ONE.is_above,):  # of which the object is not shown
+        assert made(first, second).sha256 != made(first, first).sha256
+
+
+def test_condition_that_draws_a_random_number_hides_nothing() -> None:
+    text = "(machine m (state a) (state b) (on [{0}] a -> b) (on [ {0}] a -> b again) (on [{0}] b -> a))(spawn m a)"
+    assert kinds(text.format("random() < 0.5")) == []
+    assert kinds(text.format("now_ms > 5")) == [("hidden", "again")]
+
+
+def test_states_that_all_follow_each_other_at_once_are_reported_in_time() -> None:
+    names = [f"s{i}" for i in range(40)]
+    arrows = "".join(f"(eps {a} -> {b})" for a in names for b in names if a != b)
+    text = f"(machine m {''.join(f'(state {name})' for name in names)}{arrows})(spawn m s0)"
+    found = [one.message for one in explore(parse(text))[0] if one.kind == "eps_cycle"]
+    assert len(found) == 39
+    assert "These states follow each other at once: s0 -> s1 -> s0." in found
 
 
 @pytest.mark.slow

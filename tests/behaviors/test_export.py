@@ -10,7 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.behaviors import Interpreter, Program, after, always, draw, exits, machine, on, side_by_side, state
+from snr_sim.behaviors import (
+    Interpreter,
+    Program,
+    after,
+    always,
+    draw,
+    exits,
+    machine,
+    on,
+    parse,
+    side_by_side,
+    state,
+)
 from snr_sim.behaviors.export import as_text
 from snr_sim.behaviors.program import ANY, MachineDef, Place, Spawn, StateDef, Transition
 
@@ -151,10 +163,29 @@ def test_another_tool_that_reads_our_scxml_is_in_the_same_states(spawns: list[Sp
             ours.step(i, signal)
         due = {"all"}
         for path, name in ours.active.items():
-            due |= {one.replace("/", ".").replace("#", "_") for one in (path, f"{path}/{name}")}
+            due |= {one.replace("/", ".").replace("#", ".") for one in (path, f"{path}/{name}")}
         assert {one.id for one in theirs.configuration} == due, signal
 
 
 def test_machines_side_by_side_are_drawn_side_by_side() -> None:
     text = draw(side_by_side(MISSION, MISSION), "scxml")
-    assert '<state id="mission_2" initial="mission_2.look">' in text
+    assert '<state id="mission.2" initial="mission.2.look">' in text
+
+
+def test_states_whose_names_differ_by_a_sign_are_two_in_mermaid() -> None:
+    made = machine("m", "go-on", [state("go-on", on("x", to="go_on")), state("go_on", on("x", to="go-on"))])
+    drawn = draw(made)
+    assert "    m_go_on --> m_go_on_ : x" in drawn
+    assert "    m_go_on_ --> m_go_on : x" in drawn
+
+
+def test_code_of_a_text_is_that_of_the_text() -> None:
+    """Its lines as well: joined by blanks they mean something else."""
+    block = """[x = 1
+          if x:
+            robot.stop()]"""
+    text = f"(var x := [0])(machine m (state a (onexit {block})) (state b) (on [x is not None] a -> b))(spawn m a)"
+    drawn = draw(parse(text), "scxml")
+    assert "cond='x is not None'" in drawn or 'cond="x is not None"' in drawn
+    assert "<script>x = 1\nif x:\n  robot.stop()</script>" in drawn
+    assert "(onexit [x = 1\nif x:\n  robot.stop()])" in draw(parse(text), "text")

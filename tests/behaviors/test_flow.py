@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Callable, Generator
 from typing import Any
 
@@ -438,6 +439,30 @@ def test_iterator_goes_through_its_items() -> None:
 # -- from outside -----------------------------------------------------------------------------------------------------
 
 
+def test_state_with_what_cannot_be_copied_is_named() -> None:
+    locked = state("ok")
+    locked.lock = threading.Lock()  # type: ignore[attr-defined]
+    flow = flow_of(A=(state("ok"), {"ok": "B"}), B=(locked, {"ok": "done"}))
+    with pytest.raises(ConfigError, match=r"(?s)State 'B' of flow 'mission' .* make it in run\(\)"):
+        Lab(flow)
+
+
+def test_goto_while_it_is_preempted_is_rejected() -> None:
+    def run(self: State, userdata: Any) -> Any:
+        try:
+            yield wait(9.0)
+        except Preempted:
+            yield wait(0.5)
+        return "ok"
+
+    flow = Flow("mission", outcomes=("done",))
+    flow.add("A", state("ok", run=run), {"ok": "B"})
+    flow.add("B", state("ok", run=run), {"ok": "done"})
+    lab = Lab(flow, event_at(0.5, "mission.preempt"), event_at(0.7, "mission.goto", "B"))
+    assert lab.moves == [("A", "preempted", "preempted")]
+    assert any("was rejected: it is being preempted" in note for note in lab.node.notes)
+
+
 def test_goto_start_and_preempt_are_events() -> None:
     flow = flow_of(A=(waiting(1.0, "ok"), {"ok": "B"}), B=(waiting(1.0, "ok"), {"ok": "done"}))
     lab = Lab(flow, event_at(0.5, "mission.goto", "B", {"x": 1}))
@@ -524,12 +549,16 @@ class Noted:
 
 
 @pytest.mark.hypothesis
-@given(given=behaviors(2), time_s=st.floats(0.0, 2.0))
-def test_preemption_is_neither_lost_nor_doubled_and_ends_in_time(given: Any, time_s: float) -> None:
+@given(given=behaviors(2), time_s=st.floats(0.0, 2.0), gotos_s=st.lists(st.floats(-0.5, 1.0), max_size=2))
+def test_preemption_is_neither_lost_nor_doubled_and_ends_in_time(
+    given: Any, time_s: float, gotos_s: list[float]
+) -> None:
     log = Noted()
     flow = Flow("mission", outcomes=("ok",))
     flow.add("ALL", build(given, "x", log))  # type: ignore[arg-type]
-    lab = Lab(flow, event_at(time_s, "mission.preempt"), event_at(time_s, "mission.preempt"), until_s=60.0)
+    events = [event_at(time_s, "mission.preempt") for _ in range(2)]
+    events += [event_at(max(0.0, time_s + later_s), "mission.goto", "ALL") for later_s in gotos_s]
+    lab = Lab(flow, *events, until_s=60.0)
     (outcome,) = lab.done
     ended = lab.sent[-1][0]
     begun, closed = (sorted(one[1:] for one in log.all if one[0] == sign) for sign in "+-")

@@ -13,14 +13,17 @@ from snr_sim.behaviors import (
     Drive,
     Interpreter,
     MachineFactory,
+    Program,
     ProgramError,
     Read,
     action,
+    language,
     machine_parts,
     parse,
 )
 from snr_sim.behaviors.imports import actions_of, why_not
 from snr_sim.core.lockstep import LockStep
+from snr_sim.core.reload.watch import WatchLoopFactory
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.scenario.library import load_program
 from snr_sim.scenario.machine_controller import read_program
@@ -188,7 +191,7 @@ def test_break_names_its_line_when_its_state_is_entered() -> None:
 @pytest.mark.parametrize(
     ("rule", "message"),
     [
-        ("(break thre)", "There is no state 'thre'."),
+        ("(break thre)", "There is no state 'thre' here."),
         ("(break)", "(break ...) is not complete"),
         ("(always x)", "(always ...) is not complete"),
         ("(always [n <])", "Python"),
@@ -242,6 +245,19 @@ def edited(*events: tuple[str, list[Any]]) -> Node:
     return node
 
 
+def test_helper_sees_what_is_declared_where_it_stands() -> None:
+    """Also a helper and an action that its file does not export, and not one of the same name where it is called."""
+    inner = '(actions "b.py")(def half x [act(x) / 2])(def quarter x [half(x) / 2])(export quarter)'
+    text = """(import "lib.lrp") (actions "a.py") (var y := [0])
+(def half x [act(x)]) (def both x [half(x) + quarter(x)])
+(machine m (def half x [both(x) + 1000]) (state s (running [y = half(8)]))) (spawn m s)"""
+    actions = {"a.py": {"act": lambda x: 100 * x}, "b.py": {"act": lambda x: 10 * x}}
+    interpreter = Interpreter(parse(text, files={"lib.lrp": inner}, actions=actions))
+    interpreter.spawn(0)
+    interpreter.step(1)
+    assert (interpreter.variables["y"], interpreter.problems) == (1820.0, {})
+
+
 def test_file_is_edited_without_the_program() -> None:
     more = LIBRARY.replace("twice x [2 * x]", "twice x [10 * x]")
     node = edited(("m.edit_file", [more, "lib.lrp"]))
@@ -261,7 +277,47 @@ def test_imported_files_are_watched() -> None:
     clock = SimClock()
     factory = MachineFactory(parse(MAIN, files=FILES), "m", path=Path("/x/main.lrp"))
     node = Node("r", Config(factories={"r": [factory]}), clock=clock)
-    assert node.components["m"].watched_texts == {
-        Path("/x/main.lrp"): ("m.edit",),
-        Path("/x/lib.lrp"): ("m.edit_file", "lib.lrp"),
-    }
+    component: Any = node.components["m"]
+    assert set(component.watched_files) == {Path("/x/main.lrp"), Path("/x/lib.lrp")}
+
+
+def watched(folder: Path, program: Program, *saves: tuple[str, str]) -> tuple[list[Any], Node]:
+    """Run a program whose files are saved, one each second; return what each was answered, and the node."""
+    answers: list[Any] = []
+    clock = SimClock()
+    parts = [*machine_parts(program, "m", step_hz=10.0, path=folder / "main.lrp"), WatchLoopFactory(rate_hz=10.0)]
+    node = Node("r", Config(factories={"r": parts}), clock=clock)
+    node.add_store_listener("m.edited", lambda page: answers.append(page.data))
+    for i, (name, text) in enumerate(saves, 1):
+        clock.call_at(float(i), lambda name=name, text=text: (folder / name).write_text(text) and None)  # type: ignore[misc]
+    LockStep([node], clock, until_s=len(saves) + 1.0).run()
+    return answers, node
+
+
+def test_import_that_is_added_removed_and_added_again_is_found(tmp_path: Path) -> None:
+    alone = "(machine main (state on))(spawn main on)"
+    (tmp_path / "main.lrp").write_text(alone)
+    more = LIBRARY.replace("twice x [2 * x]", "twice x [10 * x]")
+    saves = [("main.lrp", MAIN), ("lib.lrp", LIBRARY), ("main.lrp", alone), ("main.lrp", MAIN), ("lib.lrp", more)]
+    answers, node = watched(tmp_path, parse(alone), *saves, ("main.lrp", ""))
+    assert [one["ok"] for one in answers] == [False, True, True, True, True, True]
+    assert answers[0]["problems"][0]["message"] == "There is no file 'lib.lrp' in the folder of the program."
+    assert node.get_data("m")["active"] == {}, "an empty text is one, too"
+
+
+def test_text_that_is_saved_is_parsed_by_the_sender(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "main.lrp").write_text(MAIN)
+    (tmp_path / "lib.lrp").write_text(LIBRARY)
+    component: Any = watched(tmp_path, parse(MAIN, files=FILES))[1].components["m"]
+    (tmp_path / "main.lrp").write_text(MAIN + "; saved by the test of the sender")
+    task = component.watched_files[tmp_path / "main.lrp"]()
+    monkeypatch.setattr(language, "read", None)  # whatever parses now fails
+    assert component.on_edit(task, (task.type, task.name))[-1].val_list[0].data["ok"]
+
+
+def test_changed_file_of_actions_is_answered(tmp_path: Path) -> None:
+    (tmp_path / "main.lrp").write_text("")
+    (tmp_path / "moves.py").write_text("x = 1")
+    program = parse('(actions "moves.py")(machine m (state a))(spawn m a)', actions={"moves.py": {}})
+    answers, _ = watched(tmp_path, program, ("moves.py", "x = 2"))
+    assert "they count from the next start" in answers[0]["problems"][0]["message"]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim.behaviors import (
+    Bridge,
+    Drive,
     FixedPages,
     Interpreter,
     Program,
@@ -19,6 +23,7 @@ from snr_sim.behaviors import (
     exits,
     machine,
     on,
+    parse,
     side_by_side,
     state,
 )
@@ -387,6 +392,25 @@ def test_snapshot_of_another_program_is_refused() -> None:
     two, _ = started(machine("m", "b", [state("b")]))
     with pytest.raises(ConfigError, match="another program"):
         two.restore(one.snapshot())
+
+
+def test_snapshot_has_what_the_next_steps_depend_on() -> None:
+    """Also random numbers, commands and problems."""
+    text = """(var x := [0.0])
+(machine m (state a (onentry [robot.up.start(5)]) (running [x = random()]) (running [x = 1 / 0])))(spawn m a)"""
+    bridge = Bridge({}, {"up": Drive("thrust", "n", -9.0, 9.0, repeat_s=0.0)})
+    one, two = (Interpreter(parse(text), bridge=bridge, rng=np.random.default_rng(seed)) for seed in (1, 2))
+    one.spawn(0)
+    one.step(1)
+    assert one.robot is not None
+    assert two.robot is not None
+    one.robot.take_tasks()
+    two.restore(json.loads(json.dumps(one.snapshot())))
+    one.step(2)
+    two.step(2)
+    assert one.snapshot() == two.snapshot()
+    assert [task.val_list[0].data for task in two.robot.take_tasks()] == [{"n": 5.0}]
+    assert next(iter(two.problems.values())).count == 2
 
 
 def test_delay_lets_time_stand_still() -> None:

@@ -98,6 +98,15 @@ def test_exit_from_inside_by_a_signal_of_the_machine_around() -> None:
     assert interpreter.active == {"lamp": "off"}
 
 
+def test_byte_order_mark_of_a_file_is_left_out() -> None:
+    assert parse("\ufeff" + LAMP.strip(), PARTS).spawns[0].machine.place.line == 5
+
+
+def test_warnings_of_a_program_are_at_most_twenty() -> None:
+    text = "(machine m " + "".join(f"(event e{i})" for i in range(300)) + "(state s))(spawn m s)"
+    assert len(parse(text).warnings) == MAX_PROBLEMS
+
+
 def test_equal_texts_are_one_program() -> None:
     assert parse(LAMP, PARTS) is parse(LAMP, PARTS)
 
@@ -206,6 +215,17 @@ def changed(old: str, new: str) -> str:
         (changed("(event press)", "(event press)(event press)"), 9, 23, "There are two events 'press' here."),
         (changed("(var twice", "(var bright"), 4, 6, "'bright' is declared twice here."),
         (changed("(var twice", "(var tw-ice"), 4, 6, "'tw-ice' cannot be used in Python."),
+        (
+            changed("(var twice", "(var class"),
+            4,
+            6,
+            "'class' has a meaning in Python or in blocks. rename it: class_1.",
+        ),
+        (changed("(def near limit", "(def near limit limit"), 5, 17, "'limit' is declared twice here. rename one."),
+        (changed("(def near limit", "(def near robot"), 5, 11, "'robot' has a meaning in Python or in blocks."),
+        (changed("(def near", "(def random"), 5, 6, "'random' has a meaning in Python or in blocks."),
+        (changed("(def near limit", "(def near 5"), 5, 1, "(def ...) is not complete, or has too much."),
+        (changed("(def near limit", "(def near *"), 5, 1, "(def ...) is not complete, or has too much."),
         (changed(":= [80]", ":= [robot.range.read()]"), 3, 17, "The robot has no 'range'"),
         (changed(":= [80]", ":= [1 / 0]"), 3, 17, "ZeroDivisionError"),
         (changed(":= [80]", ":= [len]"), 3, 17, "cannot be a builtin_function_or_method"),
@@ -223,6 +243,8 @@ def changed(old: str, new: str) -> str:
             "Machine 'lamp' would contain itself",
         ),
         ("(machine m (state a) (state a))(spawn m a)", 1, 22, "Machine 'm' has two states 'a'."),
+        ("(machine m (event w robot.x.read() < 2) (state a))", 1, 26, "brackets: [robot.x.read() < 2]."),
+        ("(machine m (state a (machine n (state b) (exit [1] * -> a))))", 1, 52, "(exit ...) names one state"),
         ("(machine m (state a)", 1, 1, "'(' is not closed. add ')' before the end of the text."),
         ("(machine m (state a)))", 1, 22, "')' closes nothing."),
         ("(machine m (state a (running [x = (1])))", 1, 30, "'(' is closed by ']'."),
@@ -292,6 +314,16 @@ def test_large_texts_are_answered_in_time() -> None:
         parse(f"(machine m {many})(spawn m s0)")
 
 
+@pytest.mark.parametrize(
+    ("levels", "spawns", "message"), [(20, 2, "more than 10000 states"), (150, 1, "nested too deeply")]
+)
+def test_machines_that_spawn_many_machines_are_refused(levels: int, spawns: int, message: str) -> None:
+    texts = ["(machine m0 (state s))"]
+    texts += [f"(machine m{i} (state s {f'(onentry (spawn m{i - 1} s))' * spawns}))" for i in range(1, levels)]
+    with pytest.raises(ProgramError, match=message):
+        parse("".join(reversed(texts)) + f"(spawn m{levels - 1} s)")
+
+
 # -- broken texts -----------------------------------------------------------------------------------------------------
 
 PIECES = [
@@ -335,6 +367,22 @@ def broken(rng: random.Random) -> str:
             other = rng.randrange(len(text))
             text = text[:other] + text[at:end] + text[other:]
     return text
+
+
+WORDS = st.sampled_from(["a", "f", "x", "class", "robot", "random", "max", "None", "m-n", "5", "*", "->", "[a]", "(x)"])
+
+
+@given(st.sampled_from(["var", "def"]), st.lists(WORDS, max_size=4), st.sampled_from(["a", "a + f(1)", "f", "max(a)"]))
+def test_declaration_of_any_words_is_refused_or_runs(form: str, words: list[str], code: str) -> None:
+    declared = f"({form} {' '.join(words)} [{code}])"
+    try:
+        program = parse(f"(var x := [1]){declared}(machine m (state s (running [x = {code}])))(spawn m s)")
+    except ProgramError as error:
+        assert all(1 <= one.place.column <= len(declared) + 80 for one in error.problems)
+        return
+    interpreter = Interpreter(program)
+    interpreter.spawn(0)
+    interpreter.step(1)
 
 
 @given(st.integers(0, 10**9))

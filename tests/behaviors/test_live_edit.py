@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from snr_sim import Config, ListReplayerFactory, Node, SimClock, SimRunner, TimeoutLoopFactory, tasks
 from snr_sim.behaviors import Bridge, Drive, MachineFactory, Read, machine_parts, parse
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.reload.watch import WatchLoopFactory
+from snr_sim.prelude.errors import ConfigError
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -83,6 +86,25 @@ def test_text_with_mistakes_changes_nothing(values: list[Any], message: str) -> 
     assert node.get_data("diver")["active"] == {"diver": "rising"}
 
 
+def test_edit_is_logged_with_lines_and_what_to_try(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    run(event_at(0.5, "diver.edit", DIVER.replace("(on deep", "(on depe")), until_s=0.6)
+    (text, after) = caplog.messages[-2:]
+    assert text.splitlines() == [
+        "diver:7:7: There is no event 'depe' here.", "     7    (on depe sinking -> rising)", "              ^^^^",
+        "  Try: did you mean 'deep'? One of: deep, halt.",
+    ]  # fmt: skip
+    assert after == "diver: program 1 continues."
+    run(event_at(0.5, "diver.edit", with_push(9)), until_s=0.6)
+    assert caplog.messages[-1] == "diver: program 2 runs."
+
+
+@pytest.mark.parametrize("name", ["depth", "thrust"])
+def test_machine_that_is_named_as_a_page_of_the_robot_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match=f"named '{name}', and so is a page"):
+        machine_parts(parse(DIVER, BRIDGE.parts), name, bridge=BRIDGE)
+
+
 def test_refused_edit_has_the_present_text() -> None:
     node = run(event_at(0.5, "diver.edit", with_push(9), "0" * 64), until_s=1.0)
     assert node.get_data("diver.edited")["text"] == DIVER
@@ -104,6 +126,52 @@ def test_edit_while_it_is_paused_is_taken_and_moves_nothing() -> None:
     node = run(event_at(1.15, "diver.pause"), event_at(1.2, "diver.edit", with_push(9)), until_s=1.4)
     assert node.get_data("thrust") == {"up_n": 0.0}
     assert node.get_data("diver")["is_paused"]
+
+
+RISEN = DIVER.replace("(state rising", "(state risen").replace("-> rising", "-> risen").replace("rising ->", "risen ->")
+RISEN = RISEN.replace("[robot.up.start(push)]", "[robot.up.start(33)]").replace(
+    "(spawn diver sinking)", "(spawn diver risen)"
+)
+
+
+def test_edit_that_moves_a_paused_machine_commands_the_robot_when_it_goes() -> None:
+    pause, change = event_at(1.15, "diver.pause"), event_at(1.2, "diver.edit", RISEN)
+    node = run(pause, change, until_s=1.4)
+    page = node.get_data("diver")
+    assert (page["active"], page["is_paused"], page["entered_s"]) == ({"diver": "risen"}, True, {"diver": 1.15})
+    assert node.get_data("thrust") == {"up_n": 0.0}
+    node = run(pause, change, event_at(1.4, "diver.go"), until_s=1.45)
+    assert node.get_data("thrust") == {"up_n": 33.0}
+    assert node.get_data("diver")["entered_s"] == {"diver": 1.4}
+
+
+TEXTS = [
+    DIVER,
+    RISEN,
+    with_push(9),
+    "",
+    DIVER.replace("sinking", "diving"),
+    RISEN.replace("(onexit [", "(onexit [x = "),
+]
+
+
+@given(st.lists(st.sampled_from(["pause", "go", "halt", *range(len(TEXTS))]), max_size=12))
+def test_paused_robot_is_at_neutral_in_any_history(words: list[str | int]) -> None:
+    events = [
+        event_at(0.9 + 0.1 * i, "halt" if word == "halt" else f"diver.{word}")
+        if isinstance(word, str)
+        else event_at(0.9 + 0.1 * i, "diver.edit", TEXTS[word])
+        for i, word in enumerate(words)
+    ]
+    clock, seen = SimClock(), list[Any]()
+    node = Node("r", Config(factories={"r": parts(*events)}), clock=clock)
+    node.add_store_listener("thrust", lambda page: seen.append((diver.is_paused, page.data["up_n"])))
+    node.add_store_listener(
+        "diver", lambda page: seen.append((True, max([0, *page.data["entered_s"].values()]) > clock.now_s()))
+    )
+    diver: Any = node.components["diver"]
+    LockStep([node], clock, until_s=2.3).run()
+    assert not any(value for is_paused, value in seen if is_paused), seen
 
 
 def test_commands_that_stood_before_a_pause_are_given_again() -> None:
@@ -176,5 +244,5 @@ def test_saved_file_is_an_edit(tmp_path: Path) -> None:
 def test_factory_without_a_file_watches_none() -> None:
     node = run()
     component: Any = node.components["diver"]
-    assert component.watched_texts == {}
+    assert component.watched_files == {}
     assert MachineFactory(parse(DIVER, BRIDGE.parts)).path is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import time
 from collections.abc import Generator, Mapping
 from pathlib import Path
@@ -23,7 +24,7 @@ from snr_sim.recording.records import TaskRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
-from snr_sim.testing.function_components import FunctionEndpointFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 NUMBERS = itertools.count()
 # Kooi's example, figure 15: three states, three events.
@@ -68,6 +69,11 @@ class Failing(Echo):
         raise ValueError("no eyes")
 
 
+def entering(kind: type[ObserverState]) -> type[ObserverState]:
+    """Return states that also store when they begin."""
+    return type(kind.__name__, (kind,), {"enter": lambda s: s.store_data(f"{s.parent.name}.turn", [s.name, "begin"])})
+
+
 def of(kind: type[ObserverState]) -> dict[str, type[ObserverState]]:
     return dict.fromkeys(STATES, kind)
 
@@ -89,6 +95,8 @@ class Lab:
         **settings: Any,
     ) -> None:
         self.stored: list[tuple[float, str, str, Any]] = []
+        self.now_attached: list[str] = []
+        self.attached: list[list[str]] = []  # at each time that something was stored
         self.sent: list[tuple[float, str, list[Any]]] = []
         names = list(processes) if observers is None else observers
         made = [
@@ -129,12 +137,14 @@ class Lab:
     def _note_stored(self, task: Any, key: Any) -> None:
         state, what = task.page.data
         self.stored.append((round(self.node.get_time_s(), 6), task.page.key.removesuffix(".turn"), state, what))
+        self.attached.append(self.now_attached)
 
     def _note_sent(self, task: Any, key: Any) -> None:
         self.sent.append((round(self.node.get_time_s(), 6), task.name, list(task.val_list)))
 
     def _page(self, task: Any, key: Any) -> None:
         data = task.page.data
+        self.now_attached = data["attached"]
         self.pages.append((data["state"], data["epoch"], data["phase"]))
 
     @property
@@ -290,6 +300,74 @@ def test_replay_of_a_run_knows_its_processes_although_it_has_no_loops(tmp_path: 
     ]  # fmt: skip
 
 
+class Patient(Echo):
+    """Ends a state 2 s after it was entered."""
+
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(2.0, uninterrupted=True)
+        yield wait(100.0)
+
+
+def test_process_is_attached_again_when_it_has_ended_its_old_state() -> None:
+    lab = Lab(
+        {"P1": entering(Echo), "P2": entering(Patient)}, event_at(1.0, "EventA"),
+        event_at(1.6, "reference.attach", "P2"), until_s=3.0, stop_timeout_s=0.5, on_stuck="detach",
+    ).run()  # fmt: skip
+    states = [(time_s, name, state) for time_s, name, state, what in lab.stored if what == "begin"]
+    assert states == [
+        (0.0, "P1", "StateA"), (0.0, "P2", "StateA"), (1.5, "P1", "StateB"), (2.0, "P2", "StateB"),
+    ]  # fmt: skip
+    assert [row for row in lab.stored if row[1:] == ("P2", "StateA", "end")] == [(2.0, "P2", "StateA", "end")]
+
+
+def test_process_that_has_failed_begins_again_when_it_is_attached_again() -> None:
+    class Once(Echo):
+        def enter(self) -> None:
+            if self.get_time_s() < 0.5:
+                raise ValueError("no eyes")
+
+    lab = Lab(
+        {"P1": Echo, "P2": Once}, event_at(1.0, "reference.attach", "P2"), event_at(2.0, "EventA"), on_stuck="detach"
+    ).run()
+    assert lab.states == ["StateA", "StateB"]
+    assert [row[2] for row in lab.stored if row[1] == "P2" and row[3] == 0] == ["StateA", "StateB"]
+    assert lab.node.get_data("reference")["attached"] == ["P1", "P2"]
+
+
+def test_values_of_an_event_are_those_of_the_next_state() -> None:
+    class Publisher(Echo):
+        def run_state(self) -> Generator[Any, None, None]:
+            self.store_data(f"{self.parent.name}.turn", [self.event, list(self.values)])
+            yield wait(1.0)
+            self.publish_event("EventB" if self.name == "StateB" else "EventA", [7, "m"])
+            yield wait(10.0)
+
+    lab = Lab({"P1": Publisher}, until_s=1.5).run()
+    assert [row[2:] for row in lab.stored if row[3] != "end"] == [("", []), ("EventA", [7, "m"])]
+    lab = Lab({"P1": Publisher}, event_at(0.5, "EventA", 5), until_s=0.9).run()
+    assert lab.stored[-1][2:] == ("EventA", [5])
+
+
+def test_event_that_no_state_has_is_noted_with_the_nearest() -> None:
+    lab = Lab({"P1": Echo}, event_at(0.5, "reference.publish", "EvntA", "P1", 1)).run()
+    assert any("has no event 'EvntA': did you mean 'EventA'?" in note for note in lab.node.notes)
+
+
+def test_events_at_and_after_a_stop_are_reported_as_dropped() -> None:
+    events = [event_at(0.1, "EventA"), event_at(0.12, "EventB"), event_at(0.15, "reference.stop")]
+    lab = Lab({"P1": Slow}, *events, event_at(0.2, "EventA"), event_at(2.0, "EventA")).run()
+    assert lab.states == ["StateA"]
+    assert [name for name, _ in lab.dropped] == ["EventA", "EventB", "EventA", "EventA"]
+    assert {reason for _, reason in lab.dropped} == {"the machine was stopped"}
+
+
+def test_state_that_no_event_leads_to_is_noted() -> None:
+    parts = reference_parts({"A": {"E": "A"}, "B": {"E": "A"}}, "A")
+    node = Node("r", Config(factories={"r": parts}), clock=SimClock())
+    LockStep([node], node.clock, until_s=0.1).run()  # type: ignore[arg-type]
+    assert any("leads to state 'B'" in note for note in node.notes)
+
+
 def test_stop_ends_all() -> None:
     lab = Lab({"P1": Echo, "P2": Slow}, event_at(1.05, "reference.stop"), event_at(2.0, "EventA")).run()
     assert lab.states == ["StateA"]
@@ -303,6 +381,7 @@ def test_stop_ends_all() -> None:
         (lambda: Lab({"P1": {"StateA": Echo, "StateB": Echo}}).run(), "has no state 'StateC'"),
         (lambda: Lab({"P1": {**of(Echo), "StateD": Echo}}).run(), "has the state 'StateD'"),
         (lambda: Lab({"P1": Echo}, observers=["P2"]).run(), "not a control process"),
+        (lambda: Lab({"P1": Echo}, ControlProcessFactory("P2", "refrence", of(Echo))).run(), "of='reference'."),
         (lambda: Lab({"P1": Echo}, on_stuck="ignore"), "on_stuck"),
         (lambda: Lab({"P1": Echo}, stop_timeout_s=0.0), "stop_timeout_s"),
         (lambda: Lab({"P1": Echo}, observers=["P1", "P1"]), "each once"),
@@ -337,20 +416,20 @@ def test_malformed_event_is_noted_and_changes_nothing(name: str, values: list[An
     events=st.lists(
         st.tuples(st.floats(0.0, 3.0), st.sampled_from(("EventA", "EventB", "EventC", "NOOP"))), max_size=12
     ),
-    kinds=st.lists(st.sampled_from((Echo, Slow, Quick, Publishing)), min_size=1, max_size=3),
+    kinds=st.lists(st.sampled_from((Echo, Slow, Quick, Publishing, Patient)), min_size=1, max_size=3),
     moves=st.lists(st.tuples(st.floats(0.0, 3.0), st.booleans(), st.integers(0, 2)), max_size=4),
 )
 def test_barrier_and_events_hold_in_any_history(
     events: list[tuple[float, str]], kinds: list[type[ObserverState]], moves: list[tuple[float, bool, int]]
 ) -> None:
-    given_processes = {f"P{i}": kind for i, kind in enumerate(kinds)}
+    given_processes: Any = {f"P{i}": entering(kind) for i, kind in enumerate(kinds)}
     names = list(given_processes)
     more = [event_at(time_s + 1e-4 * i, name) for i, (time_s, name) in enumerate(events)]
     more += [
         event_at(time_s + 1e-4 * (50 + i), f"reference.{'attach' if up else 'detach'}", names[which % len(names)])
         for i, (time_s, up, which) in enumerate(moves)
     ]
-    lab = Lab(given_processes, *more, until_s=12.0).run()
+    lab = Lab(given_processes, *more, until_s=25.0, stop_timeout_s=1.0, on_stuck="detach").run()
     # Each event, from outside or published, is a transition, or reported as dropped: none is lost, none counts twice.
     outside = [name for _, name in events if name != "NOOP"]
     transitions = [row for row in lab.sent if row[1].endswith("transition")]
@@ -363,6 +442,14 @@ def test_barrier_and_events_hold_in_any_history(
             assert (before[2], after[2]) == ("ending", "running")
             assert after[0] in STATES[before[0]].values()
     assert lab.pages[-1][2] == "running", "no barrier is left waiting"
+    # None begins a state while another one that is attached is in another one.
+    inside: dict[str, str] = {}
+    for (_, name, state, what), attached in zip(lab.stored, lab.attached, strict=True):
+        if what == "begin":
+            assert {inside[one] for one in attached if one in inside and one != name} <= {state}, lab.stored
+            inside[name] = state
+        elif what == "end":
+            inside.pop(name, None)
 
 
 # -- on the wall clock ------------------------------------------------------------------------------------------------
@@ -371,6 +458,42 @@ def test_barrier_and_events_hold_in_any_history(
 class Idle(ObserverState):
     def run_state(self) -> Generator[Any, None, None]:
         yield wait(100.0)
+
+
+def attach_the_dead(loop: Any) -> None:
+    if (loop.get_data("reference") or {}).get("attached") == ["P2"]:
+        loop.schedule([tasks.event("reference.attach", ["P1"]), tasks.event("EventA")])
+
+
+class Dying(Idle):
+    def run_state(self) -> Generator[Any, None, None]:
+        yield wait(0.1)
+        os._exit(3)
+
+
+@pytest.mark.slow
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("policy", ["fail", "detach", "failsafe"])
+def test_process_that_dies_is_handled_by_the_policy(policy: Any) -> None:
+    parts = [
+        *reference_parts(STATES, "StateA", observers=["P1", "P2"], on_stuck=policy),
+        ControlProcessFactory("P1", "reference", of(Dying), executor="process"),
+        ControlProcessFactory("P2", "reference", of(Idle)),
+        FunctionEndpointFactory({(TaskType.event, "reference.transition"): lambda t, k: tasks.terminate("seen")}, "w"),
+        FunctionLoopFactory(attach_the_dead, "then", 10.0),
+        TimeoutLoopFactory(seconds=30.0),
+    ]  # fmt: skip
+    node = Node("r", Config(factories={"r": parts}), clock=WallClock())
+    if policy == "fail":
+        with pytest.raises(ComponentFailedError, match="'P1' failed in state 'StateA'"):
+            node.loop()
+        return
+    node.loop()
+    page = node.get_data("reference")
+    assert (page["state"], page["attached"]) == ("StateB", ["P2"])
+    assert (node.get_data("failsafe") is True) == (policy == "failsafe")
+    assert any("It was detached" in note for note in node.notes)
+    assert any("was rejected: its process has died" in note for note in node.notes)
 
 
 @pytest.mark.slow

@@ -95,3 +95,15 @@ def test_signals_of_all_levels_in_order() -> None:
     inner = machine("i", "p", [state("p", on("one", to="p"), exits(on("two", to="a")))])
     program = machine("m", "a", [state("a", on("three", to="a"), machines=[inner])], anywhere=[on("stop", to="a")])
     assert program.signals() == ["stop", "three", "one", "two"]
+
+
+def test_machines_in_too_many_levels_are_refused() -> None:
+    def nested(levels: int) -> Program:
+        made = machine("m", "a", [state("a")])
+        for _ in range(levels):
+            made = machine("m", "a", [state("a", machines=[made])])
+        return made
+
+    assert len(list(nested(99).walk())) == 100
+    with pytest.raises(ProgramError, match="more than 100 levels"):
+        nested(1000)

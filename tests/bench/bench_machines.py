@@ -14,7 +14,19 @@ from typing import Any
 from harness import Benchmark, Row, compare
 
 from snr_sim import Config, Endpoint, SimClock, SimRunner, handles
-from snr_sim.behaviors import Interpreter, MachineFactory, Program, after, machine, on, parse, state
+from snr_sim.behaviors import (
+    Bridge,
+    Drive,
+    Interpreter,
+    MachineFactory,
+    Program,
+    Read,
+    after,
+    machine,
+    on,
+    parse,
+    state,
+)
 from snr_sim.behaviors.endpoint import StepLoopFactory
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
@@ -55,6 +67,15 @@ EXPLORER = machine(
 IDLE = machine(
     "idle", "a", [state("a", on(never, to="b"), on(never, to="b"), on(never, to="b"), after(1e6, to="b")), state("b")]
 )
+LRP_SWITCH = parse("""(var count := [0])
+(machine switch
+  (event near [robot.range.read() < 20])
+  (state a (onentry [count = count + 1]) (onexit [robot.motor.start(5)]))
+  (state b (onentry [count = count + 1]) (onexit [robot.motor.start(0)]))
+  (on near a -> b)
+  (on near b -> a))
+(spawn switch a)""")
+BRIDGE = Bridge({"range": Read("range")}, {"motor": Drive("motors", "left", -100.0, 100.0)})
 SWITCH = machine(
     "switch",
     "a",
@@ -144,7 +165,7 @@ def steps_of(make: Callable[[dict[str, Any]], Any], count: int, *, is_moving: bo
 
 def interpreted(program: Program) -> Callable[[dict[str, Any]], Any]:
     def make(pages: dict[str, Any]) -> Interpreter:
-        interpreter = Interpreter(program, pages)
+        interpreter = Interpreter(program, pages, bridge=BRIDGE)
         interpreter.spawn(0)
         return interpreter
 
@@ -246,6 +267,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
         ("a step: three conditions and a time-out, none due", HandIdle, IDLE, False, 4.0),
         ("a step of the explorer, 1000 steps a second", HandExplorer, EXPLORER, True, 4.5),
         ("a transition: condition, exit block, entry block", HandSwitch, SWITCH, False, 8.0),
+        ("a transition in LRP: reads, commands, assigns", HandSwitch, LRP_SWITCH, False, None),
     ):
         by_hand = steps_of(lambda pages, hand=hand: hand(pages.get), count, is_moving=is_moving)
         found = compare(by_hand, steps_of(interpreted(program), count, is_moving=is_moving), rounds=rounds)

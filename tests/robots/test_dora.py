@@ -78,7 +78,7 @@ def test_first_half_minute_hits_nothing(scenario: str, monkeypatch: pytest.Monke
     monkeypatch.setattr(simulation.scenario, "TIME_LIMIT_S", 30.0)
     plant = simulation.plant()
     result = SimulationRun(simulation, plant, simulation.config(plant)).run()
-    assert (result.error, result.notes) == ("", [])
+    assert (result.error, result.outcome) == ("", "timeout")
     assert result.sim_time_s == pytest.approx(30.0)
     assert result.metrics["hit_mps"] < 0.1
     assert result.metrics["way_m"] > 3.0

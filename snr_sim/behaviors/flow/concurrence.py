@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution, FlowOwner
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution
 from snr_sim.behaviors.flow.userdata import Scope
 from snr_sim.behaviors.flow.waits import Step, Wait
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
 Outcomes: TypeAlias = dict[str, str | None]  # of the children by label; None: it continues
@@ -113,7 +114,7 @@ class Concurrence:
         return max(fitting, key=lambda row: row[0])[1] if fitting else self.default
 
     def execution(
-        self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner
+        self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> ConcurrenceExecution:
         """Return one execution."""
         return ConcurrenceExecution(self, path, data, remapping, owner)
@@ -128,7 +129,7 @@ class ConcurrenceExecution:
         path: str,
         outer: dict[str, Any],
         remapping: Mapping[str, str],
-        owner: FlowOwner,
+        owner: Endpoint,
     ) -> None:
         self._concurrence, self._path = concurrence, path
         self._scope = Scope(path, outer, concurrence.input_keys, concurrence.output_keys, remapping)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from typing import Any
 
+from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoopFactory
 from snr_sim.behaviors.flow.flow import Flow
 from snr_sim.behaviors.flow.sequential import SequentialExecution
-from snr_sim.behaviors.flow.state import NS_PER_S
 from snr_sim.behaviors.flow.userdata import data_copy
 from snr_sim.behaviors.flow.waits import Step
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
@@ -80,7 +81,8 @@ class FlowEndpoint(Endpoint):
     Events that it handles, besides those that its states wait for:
 
         <name>.preempt                 ends the active states, within the deadline; the outcome is "preempted"
-        <name>.goto [label, data]      leaves the active state, and enters another one; data are set before
+        <name>.goto [label, data]      leaves the active state, and enters another one; data are set before; no effect
+                                       while the flow is being preempted
         <name>.start [data]            begins again, once it has ended
     """
 
@@ -88,9 +90,8 @@ class FlowEndpoint(Endpoint):
 
     def __init__(self, factory: FlowFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self.preempt_deadline_s: float = factory.preempt_deadline_s
         self.outcome: str | None = None
-        self._flow = copy.deepcopy(factory.flow)  # its states belong to this component
+        self._flow = _copy_of(factory.flow)  # its states belong to this component
         self._data = data_copy("userdata", factory.userdata)
         self._execution: SequentialExecution | None = None
         self._last: dict[str, Any] | None = None
@@ -129,8 +130,9 @@ class FlowEndpoint(Endpoint):
         label, data = (*task.val_list, {})[:2] if task.val_list else ("", {})
         execution, step = self._execution, self._step()
         known = self._flow.entries
-        if not isinstance(label, str) or label not in known or not isinstance(data, dict) or execution is None:
-            why = "the flow has ended" if execution is None else suggest(str(label), known)
+        why = "the flow has ended" if execution is None else "it is being preempted" if execution.is_preempted else ""
+        if execution is None or why or not isinstance(label, str) or label not in known or not isinstance(data, dict):
+            why = why or suggest(str(label), known)
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {why}")
             return None
         execution.scope.data.update(data_copy(task.name, data))
@@ -157,7 +159,8 @@ class FlowEndpoint(Endpoint):
         return self._results(self._execution.begin(step), step, is_new=True)
 
     def _step(self, kind: str = "", name: str = "", value: Any = None) -> Step:
-        return Step(round(self.get_time_s() * NS_PER_S), kind, name, value, [], [])
+        now_ns = round(self.get_time_s() * NS_PER_S)
+        return Step(now_ns, self.factory.preempt_deadline_s, kind, name, value, [], [])
 
     def _advance(self, step: Step) -> list[Task]:
         execution = self._execution
@@ -201,3 +204,23 @@ class FlowEndpoint(Endpoint):
                 handlers[TaskType.event, wait.name] = self.on_event
         if handlers.keys() != self.task_handlers.keys():
             self.task_handlers = handlers
+
+
+def _copy_of(flow: Flow) -> Flow:
+    """Return a copy of a flow.
+
+    Raises:
+        ConfigError: a state has an attribute that cannot be copied.
+    """
+    try:
+        return copy.deepcopy(flow)
+    except TypeError as error:
+        for label, one in flow.entries.items():
+            with suppress(TypeError):
+                copy.deepcopy(one)
+                continue
+            raise ConfigError(
+                f"State '{label}' of flow '{flow.name}' has an attribute of which a node can have no copy: {error}.",
+                fix="make it in run(): such as a lock, a file or a connection.",
+            ) from error
+        raise

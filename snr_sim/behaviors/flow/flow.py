@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
-from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, FlowOwner
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior
 from snr_sim.behaviors.flow.userdata import Scope
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
 MAX_MOVES = 100  # of one flow in one step
@@ -149,7 +150,7 @@ class Flow:
         return Child(label, entry.behavior, entry.remapping)
 
     def execution(
-        self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner
+        self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> SequentialExecution:
         """Return one execution."""
 

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
-from snr_sim.behaviors.flow.state import Behavior, FlowOwner
+from snr_sim.behaviors.flow.state import Behavior
 from snr_sim.behaviors.flow.userdata import Scope, data_copy
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 
 MAX_TURNS = 10_000  # in one step, without waiting
@@ -96,7 +97,7 @@ class Iterator:
         self.behavior.check(f"{path}/{self.label}")
 
     def execution(
-        self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner
+        self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> SequentialExecution:
         """Return one execution."""
         behavior = self.behavior

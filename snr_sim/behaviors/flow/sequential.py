@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
-from snr_sim.behaviors.flow.state import NS_PER_S, PREEMPTED, Behavior, Execution, FlowOwner
+from snr_sim.behaviors.context import NS_PER_S
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution
 from snr_sim.behaviors.flow.userdata import Scope
 from snr_sim.behaviors.flow.waits import Step, Wait
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import TaskError
 
 
@@ -37,7 +39,7 @@ class SequentialExecution:
     """
 
     def __init__(
-        self, path: str, scope: Scope, owner: FlowOwner, choose: Choose, max_moves: int, *, is_noted: bool
+        self, path: str, scope: Scope, owner: Endpoint, choose: Choose, max_moves: int, *, is_noted: bool
     ) -> None:
         self.scope: Scope = scope
         self._path, self._owner, self._choose = path, owner, choose
@@ -45,7 +47,7 @@ class SequentialExecution:
         self._label = ""
         self._since_ns = 0
         self._child: Execution | None = None
-        self._is_preempted = False
+        self.is_preempted: bool = False
 
     def begin(self, step: Step) -> str | None:
         """Enter the first child."""
@@ -66,9 +68,9 @@ class SequentialExecution:
     def preempt(self, step: Step) -> str | None:
         """Preempt the active child; no other follows."""
         assert self._child is not None
-        if self._is_preempted:
+        if self.is_preempted:
             return None
-        self._is_preempted = True
+        self.is_preempted = True
         return self._follow(self._child.preempt(step), step)
 
     def close(self) -> None:
@@ -90,7 +92,7 @@ class SequentialExecution:
         for _ in range(self._max_moves):
             if outcome is None:
                 return None
-            chosen = PREEMPTED if self._is_preempted else self._choose(self._label, outcome)
+            chosen = PREEMPTED if self.is_preempted else self._choose(self._label, outcome)
             self._note(chosen if isinstance(chosen, str) else chosen.label, outcome, step)
             outcome = self._enter(chosen, step)
             if self._child is None:

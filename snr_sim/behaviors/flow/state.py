@@ -6,8 +6,10 @@ from collections.abc import Generator, Mapping
 from types import GeneratorType
 from typing import TYPE_CHECKING, Any, Protocol
 
+from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.flow.userdata import Userdata, keys_of
 from snr_sim.behaviors.flow.waits import Preempted, Step, Wait
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import as_tasks
 from snr_sim.core.source_location import after_line, location_in, location_of
 from snr_sim.prelude.errors import ConfigError, TaskError, UnknownNameError, suggest
@@ -19,29 +21,6 @@ if TYPE_CHECKING:
 
 PREEMPTED = "preempted"  # the outcome of what was preempted
 MAX_YIELDS = 10_000  # without a wait: then it is a loop without end
-NS_PER_S = 1_000_000_000
-
-
-class FlowOwner(Protocol):
-    """The component that runs a flow."""
-
-    preempt_deadline_s: float
-
-    @property
-    def rng(self) -> np.random.Generator:
-        """Its random numbers."""
-
-    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
-        """Return the task that stores data under a key."""
-
-    def get_data(self, key: DataKey) -> Any:
-        """Return the data of the newest page of a key, or None."""
-
-    def get_age_s(self, key: DataKey) -> float:
-        """Return the age of that page [s]."""
-
-    def get_time_s(self) -> float:
-        """Return the node's time [s]."""
 
 
 class Behavior(Protocol):
@@ -58,7 +37,7 @@ class Behavior(Protocol):
             ConfigError: it cannot run; the message names the place.
         """
 
-    def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner) -> Execution:
+    def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint) -> Execution:
         """Return one execution that works on the data of its container."""
 
 
@@ -105,14 +84,14 @@ class State:
     input_keys: tuple[str, ...] = ()
     output_keys: tuple[str, ...] = ()
 
-    _owner: FlowOwner | None = None
+    _owner: Endpoint | None = None
 
     def run(self, userdata: Userdata) -> Generator[Any, Any, str] | str:
         """Do the work: yield tasks to send, and waits; return an outcome. Without `yield`, it ends at once."""
         raise NotImplementedError(f"{type(self).__name__} has no run().")
 
     @property
-    def owner(self) -> FlowOwner:
+    def owner(self) -> Endpoint:
         """The component that runs the flow.
 
         Raises:
@@ -152,7 +131,7 @@ class State:
         if type(self).run is State.run:
             raise ConfigError(f"{type(self).__name__} at '{path}' has no run().", fix="def run(self, userdata):")
 
-    def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: FlowOwner) -> Execution:
+    def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint) -> Execution:
         """Return one execution."""
         self._owner = owner
         inputs, outputs = keys_of(self.input_keys, remapping), keys_of(self.output_keys, remapping)
@@ -197,7 +176,7 @@ class StateExecution:
         generator = self._generator
         if generator is None or self._closes_ns is not None:
             return None
-        self._closes_ns = step.now_ns + self._state.owner.preempt_deadline_s * NS_PER_S
+        self._closes_ns = step.now_ns + step.preempt_deadline_s * NS_PER_S
         return self._advance(step, lambda: generator.throw(Preempted()))
 
     def close(self) -> None:

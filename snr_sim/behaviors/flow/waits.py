@@ -42,12 +42,14 @@ class Step:
 
     Args:
         now_ns: node time.
+        preempt_deadline_s: how long a state may take to end once it is preempted.
         kind, name, value: of the page or event that caused it, if one did.
         tasks: that states have sent, in order.
         moves: changes of state, in order.
     """
 
     now_ns: int
+    preempt_deadline_s: float
     kind: str
     name: str
     value: Any

@@ -13,6 +13,7 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, ParameterError, TaskError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import Task
 
 _ROUNDING_S = 1e-9
 
@@ -32,7 +33,11 @@ class ObserverState:
     Attributes:
         turns: how often `run_state` has ended since the state was entered.
         entered_s: when it was entered.
+        event, values: name and values of the event that led to it; empty at the beginning.
     """
+
+    event: str = ""
+    values: Sequence[Any] = ()
 
     def __init__(self, parent: ControlProcess, name: str) -> None:
         self.parent: ControlProcess = parent
@@ -51,7 +56,7 @@ class ObserverState:
         """End; called once."""
 
     def publish_event(self, name: str, values: Sequence[Any] = ()) -> None:
-        """Send an event to the reference machine; it counts only while this state lasts."""
+        """Send an event to the reference machine; it counts while this state lasts. The next state gets `values`."""
         self.parent.publish(name, values)
 
     def log_value(self, value: object) -> None:
@@ -137,42 +142,53 @@ class ControlProcess(Loop):
         self._until_s = 0.0
         self._is_uninterrupted = False
         self._is_crashed = False
+        self._left = 0  # the last request to leave that it has answered
 
     def loop(self) -> None:
         """Follow the reference machine, then run the state."""
         page = self.parent.get_page(self.factory.of)
-        if page is None or self._is_crashed:
+        if page is None:
             return
-        data = page.data
+        leave = page.data["leaving"].get(self.name, 0)
+        if self._is_crashed:
+            if leave <= self._left:
+                return
+            self._is_crashed, self._state, self._generator = False, None, None  # it may be attached again
         try:
-            self._follow(data["state"], data["epoch"], data["phase"], self.name in data["attached"])
+            self._follow(page.data, leave)
         except Exception as error:
             self._is_crashed = True
             text = describe_error(error, f"in {type(self._state).__name__} of control process '{self.name}'")
             self.schedule(tasks.event(f"{self.factory.of}.crashed", [self.name, text]))
 
-    def _follow(self, state: str, epoch: int, phase: str, is_attached: bool) -> None:
+    def _follow(self, data: Mapping[str, Any], leave: int) -> None:
+        epoch, phase, is_attached = data["epoch"], data["phase"], self.name in data["attached"]
         is_running = self._state is not None and not self._has_ended
         if is_running and (phase != "running" or epoch != self._epoch or not is_attached):
             if not self._may_end():
                 return
             self._end()
             is_running = False
-            if not is_attached:
-                self._epoch = 0  # if it is attached again in the same state, it begins again
-        if phase == "ending" and is_attached and not is_running:
+        if not is_attached:
+            self._epoch = 0  # if it is attached again in the same state, it begins again
+            if leave > self._left:
+                self._left = leave
+                self.schedule(tasks.event(f"{self.factory.of}.left", [self.name, leave]))
+        elif phase == "ending" and not is_running:
             self._report_end(epoch)
-        elif phase == "running" and is_attached:
+        elif phase == "running":
             if epoch != self._epoch:
-                self._begin(state, epoch)
+                self._begin(data)
             if not self._has_ended:
                 self._run()
 
-    def _begin(self, state: str, epoch: int) -> None:
-        self._epoch, self._has_ended = epoch, False
-        self.log.debug("[%s] Entering %s reference state", self.name, state)
-        self._state = self.factory.states[state](self, state)
-        self._state.enter()
+    def _begin(self, data: Mapping[str, Any]) -> None:
+        name = data["state"]
+        self._epoch, self._has_ended = data["epoch"], False
+        self.log.debug("[%s] Entering %s reference state", self.name, name)
+        self._state = state = self.factory.states[name](self, name)
+        state.event, state.values = data["event"], data["values"]
+        state.enter()
 
     def _run(self) -> None:
         """Call `run_state`, or continue it if its wait is over."""
@@ -227,6 +243,10 @@ class ControlProcess(Loop):
         if not isinstance(name, str) or not name:
             raise ParameterError(f"An event is named {name!r}.", fix='self.publish_event("FOUND").')
         self.schedule(tasks.event(f"{self.factory.of}.publish", [name, self.name, self._epoch, *values]))
+
+    def on_death(self, message: str) -> Task:
+        """Return the event by which the reference machine does what `on_stuck` says."""
+        return tasks.event(f"{self.factory.of}.crashed", [self.name, message, True])
 
     def halt(self) -> None:
         """End the state."""

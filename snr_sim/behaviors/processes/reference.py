@@ -21,12 +21,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, get_args
 
 import msgspec
 
+from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoopFactory
-from snr_sim.behaviors.interpreter import NS_PER_S, Interpreter
+from snr_sim.behaviors.interpreter import Interpreter
 from snr_sim.behaviors.processes.control_process import ControlProcess, ControlProcessFactory
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
@@ -39,7 +40,7 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 OnStuck: TypeAlias = Literal["fail", "detach", "failsafe"]
 States: TypeAlias = Mapping[str, Mapping[str, str]]  # from each state by event to the next
 NOOP = "NOOP"  # an event without effect, as in Kooi's program
-EVENTS = ("transition", "dropped", "attach", "detach", "stop", "step", "publish", "ended", "crashed")
+EVENTS = ("transition", "dropped", "attach", "detach", "stop", "step", "publish", "ended", "left", "crashed")
 
 
 def reference_parts(
@@ -113,17 +114,23 @@ class _Event(NamedTuple):
     name: str
     source: str
     epoch: int | None
+    values: list[Any]
 
 
 class Reference(Endpoint):
-    """A reference machine. Its page has `state`, `epoch`, `phase` (running, ending or stopped) and `attached`.
+    """A reference machine. Its page has `state`, `epoch`, `phase` (running, ending or stopped), `event` and `values` of
+    the event that led to the state, `attached`, and `leaving`: a number for each control process that is to end its
+    state because it is attached no more.
 
     It handles the events of its states, and:
 
-        <name>.publish [event, source, epoch]   an event of a control process, in one of its epochs
+        <name>.publish [event, source, epoch, ...]
+                                                an event of a control process, in one of its epochs, and its values
         <name>.ended [source, epoch]            a control process has ended its state
-        <name>.crashed [source, text]           one has raised an exception
-        <name>.attach [source], .detach         one begins to follow, in the present state, or follows no more
+        <name>.left [source, number]            one that is attached no more has done so
+        <name>.crashed [source, text, is_dead]  one has raised an exception, or its process has died
+        <name>.attach [source], .detach         one begins to follow, in the present state and once it has left; or
+                                                follows no more
         <name>.stop                             all end; nothing follows
 
     It sends "<name>.transition" for each change, and "<name>.dropped" [event, source, epoch, reason] for each event
@@ -141,6 +148,11 @@ class Reference(Endpoint):
         self._queue: deque[_Event] = deque()
         self._waiting: list[str] = []  # for these to end
         self._cause: _Event | None = None  # of the transition that has begun; None: a stop
+        self._entered_by, self._entered_with = "", list[Any]()
+        self._leaving: dict[str, int] = {}
+        self._leaves = 0  # how many there have been
+        self._joining: list[str] = []  # those that are attached as soon as they have left
+        self._dead: set[str] = set()
         self._deadline_s = 0.0
         signals = {event for then in factory.states.values() for event in then}
         self.optional_events = [*(f"{name}.{what}" for what in EVENTS), *signals, NOOP]  # most come by `publish`
@@ -148,6 +160,7 @@ class Reference(Endpoint):
             **{(TaskType.event, event): self.on_event for event in sorted({*signals, NOOP})},
             (TaskType.event, f"{name}.publish"): self.on_publish,
             (TaskType.event, f"{name}.ended"): self.on_ended,
+            (TaskType.event, f"{name}.left"): self.on_left,
             (TaskType.event, f"{name}.crashed"): self.on_crashed,
             (TaskType.event, f"{name}.attach"): self.on_attach,
             (TaskType.event, f"{name}.detach"): self.on_detach,
@@ -164,10 +177,15 @@ class Reference(Endpoint):
         """Enter the initial state.
 
         Raises:
-            ConfigError: a control process does not exist, or does not have every state.
+            ConfigError: a control process does not exist, or does not have every state, or follows nothing.
         """
         for name in self.factory.observers:
             self._check(name)
+        for name, one in self._factories().items():
+            if one.of not in self.parent.components:
+                self._refuse_of(name, one.of)
+        for problem in self.factory.program.warnings:
+            self.parent.add_note(problem.message)
         self._interpreter.spawn(self._now_ns())
         self.epoch = 1
         self.schedule([self._page_task()])
@@ -179,6 +197,8 @@ class Reference(Endpoint):
                 f"'{self.name}' waits for '{name}', which is not a control process of this node.",
                 fix=suggest(name, self._factories()),
             )
+        if found.of != self.name:
+            self._refuse_of(name, found.of)
         have, needed = found.states, self.factory.states
         missing = [one for one in needed if one not in have]
         surplus = [one for one in have if one not in needed]
@@ -188,6 +208,10 @@ class Reference(Endpoint):
             raise ConfigError(
                 f"Control process '{name}' {what}, unlike '{self.name}'.", fix=suggest((missing or surplus)[0], known)
             )
+
+    def _refuse_of(self, name: str, of: str) -> NoReturn:
+        what = f"Control process '{name}' has of='{of}', which is not the reference machine that it is to follow."
+        raise ConfigError(what, fix=f"of={self.name!r}.")
 
     def _factories(self) -> dict[str, ControlProcessFactory]:
         """Return the factories of the node's control processes by name; a replay has no components of loops."""
@@ -200,12 +224,15 @@ class Reference(Endpoint):
 
     def on_event(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take an event from outside."""
-        return self._take(_Event(task.name, "", None))
+        return self._take(_Event(task.name, "", None, list(task.val_list)))
 
     def on_publish(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take an event of a control process."""
-        values = self._values(task, str, str, int)
-        return None if values is None else self._take(_Event(*values))
+        found = self._values(task, str, str, int)
+        if found is None:
+            return None
+        name, source, epoch = found
+        return self._take(_Event(name, source, epoch, list(task.val_list[3:])))
 
     def _values(self, task: Task, *kinds: type) -> list[Any] | None:
         """Return the first values of an event, of these types; note that it was rejected, and return None, if they are
@@ -221,6 +248,8 @@ class Reference(Endpoint):
         if event.name == NOOP:
             self.log.debug("%s: %s", self.name, NOOP)
             return []
+        if self._cause is None and self.phase != "running":
+            return [self._dropped(event, "the machine was stopped")]
         self._queue.append(event)
         return self._next()
 
@@ -232,11 +261,17 @@ class Reference(Endpoint):
             if event.epoch is not None and event.epoch != self.epoch:
                 found.append(self._dropped(event, "its state is over"))
             elif event.name not in self.factory.states[self.state]:
+                self._check_event(event.name)
                 found.append(self._dropped(event, f"no transition in {self.state}"))
             else:
                 self._cause = event
                 found += self._end_state()
         return found
+
+    def _check_event(self, name: str) -> None:
+        known = {event for then in self.factory.states.values() for event in then}
+        if name not in known:
+            self.parent.add_note(f"'{self.name}' has no event '{name}': {suggest(name, sorted(known))}")
 
     def _dropped(self, event: _Event, reason: str) -> Task:
         self.log.debug("%s: %s of %r was dropped: %s", self.name, event.name, event.source, reason)
@@ -262,6 +297,18 @@ class Reference(Endpoint):
         self._waiting.remove(source)
         return self._pass_barrier()
 
+    def on_left(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Note that a control process which is attached no more has ended its state; attach it if it is to be again."""
+        values = self._values(task, str, int)
+        if values is None or self._leaving.get(values[0]) != values[1]:
+            return None
+        name = values[0]
+        del self._leaving[name]
+        if name in self._joining:
+            self._joining.remove(name)
+            self.attached.append(name)
+        return [self._page_task()]
+
     def _pass_barrier(self) -> list[Task]:
         """Enter the next state, if no control process is in the old one any more."""
         if self._waiting or self.phase != "ending":
@@ -274,7 +321,12 @@ class Reference(Endpoint):
         self.log.info("State machine transitioning '%s':'%s'-->'%s'", before, cause.name, self.state)
         self.epoch += 1
         self.phase = "running"
-        found = [tasks.event(f"{self.name}.transition", [msgspec.structs.asdict(one)]) for one in changes]
+        self._entered_by, self._entered_with = cause.name, cause.values
+        found = [
+            # Of lines there are none: the table is made in this file.
+            tasks.event(f"{self.name}.transition", [msgspec.structs.asdict(one) | {"line": 0}])
+            for one in changes
+        ]
         return [*found, self._page_task(), *self._next()]
 
     def on_step(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -291,6 +343,8 @@ class Reference(Endpoint):
         if values is None:
             return None
         source, text = values
+        if len(task.val_list) > 2 and task.val_list[2] is True:
+            self._dead.add(source)
         if source not in self.attached:
             self.parent.add_note(f"'{source}' does not follow '{self.name}', and failed. {text}")
             return None
@@ -313,13 +367,18 @@ class Reference(Endpoint):
     def on_attach(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Let a control process follow from now on; a barrier that has begun does not wait for it."""
         values = self._values(task, str)
-        if values is None or values[0] in self.attached:
+        if values is None or values[0] in (*self.attached, *self._joining):
             return None
         (name,) = values
         try:
             self._check(name)
+            if name in self._dead:
+                raise ConfigError("its process has died.", fix="start the node again.")
         except ConfigError as error:
             self.parent.add_note(f"'{task.name}' ['{name}'] was rejected: {error}")
+            return None
+        if name in self._leaving:
+            self._joining.append(name)
             return None
         self.attached.append(name)
         return [self._page_task()]
@@ -327,9 +386,15 @@ class Reference(Endpoint):
     def on_detach(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Let a control process follow no more."""
         values = self._values(task, str)
+        if values is not None and values[0] in self._joining:
+            self._joining.remove(values[0])
         return None if values is None or values[0] not in self.attached else self._detach(values[0])
 
     def _detach(self, name: str) -> list[Task]:
+        has_ended = self.phase == "stopped" or (self.phase == "ending" and name not in self._waiting)
+        if not has_ended and name not in self._dead:
+            self._leaves += 1
+            self._leaving[name] = self._leaves
         self.attached = [one for one in self.attached if one != name]
         self._waiting = [one for one in self._waiting if one != name]
         return [self._page_task(), *self._pass_barrier()]
@@ -338,9 +403,11 @@ class Reference(Endpoint):
         """Let all end their state; none follows. A transition that has begun leads nowhere any more."""
         if self.phase == "stopped":
             return None
+        lost = [*([self._cause] if self._cause is not None and self.phase == "ending" else []), *self._queue]
         self._cause = None
         self._queue.clear()
-        return None if self.phase == "ending" else self._end_state()
+        found = [self._dropped(event, "the machine was stopped") for event in lost]
+        return found if self.phase == "ending" else [*found, *self._end_state()]
 
     def _now_ns(self) -> int:
         return round(self.get_time_s() * NS_PER_S)
@@ -348,5 +415,6 @@ class Reference(Endpoint):
     def _page_task(self) -> Task:
         data: dict[str, Any] = {
             "state": self.state, "epoch": self.epoch, "phase": self.phase, "attached": list(self.attached),
+            "leaving": dict(self._leaving), "event": self._entered_by, "values": self._entered_with,
         }  # fmt: skip
         return self.store_data_task(self.name, data)

@@ -103,7 +103,12 @@ class ProcessExecutor:
             self._fail(describe_error(error, f"while the node read from the process of loop '{self._loop.name}'"))
         elif not self._is_finished and not self._child.is_killed:
             when = f" at t = {self._node.clock.now_s():.3f} s, after at least {self.ticks} ticks"
-            self._fail(self._child.exit_message(status, when, "It had printed nothing."))
+            message = self._child.exit_message(status, when, "It had printed nothing.")
+            found = self._loop.on_death(message)
+            if found is None or self._loop.is_removed or self._set_result(None):
+                self._fail(message)
+            else:
+                self._node.enqueue_input(found, self._loop.name)
 
     def _on_message(self, kind: str, *values: Any) -> None:
         match kind, *values:

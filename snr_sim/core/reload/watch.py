@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -22,9 +22,11 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.task import SomeTasks
 
 # A file written this recently can be written again with the same modification time, so its content is read each time.
 _MTIME_GRANULARITY_NS = 100_000_000
+_OF_NOTHING = hashlib.sha256().hexdigest()
 
 
 class FileStamp(NamedTuple):
@@ -63,29 +65,27 @@ class WatchLoop(Loop):
         super().__init__(factory, parent, name, rate_hz)
         self._components: Mapping[str, Component] | None = None
         self._users: dict[Path, list[str]] = {}
-        self._texts: dict[Path, tuple[str, ...]] = {}  # name of the event, and more of its values, by file
+        self._texts: dict[Path, Callable[[], SomeTasks]] = {}
 
     def setup(self) -> None:
         """Read the present state of the files."""
         self._changed()
 
     def loop(self) -> None:
-        """Schedule a reload of the components whose files have changed, and an event with each text that has."""
+        """Schedule a reload of the components whose files have changed, and what components make of other files."""
         changed = self._changed()
         names = [name for path in changed for name in self._users.get(path, ())]
         if names:
             self.schedule(tasks.reload_component(*dict.fromkeys(names)))
-        for path in changed:
-            if path in self._texts:
-                with suppress(OSError):  # it has just been moved away
-                    event, *more = self._texts[path]
-                    self.schedule(tasks.event(event, [path.read_text("utf-8", "replace"), *more]))
+        for saved in dict.fromkeys(self._texts[path] for path in changed if path in self._texts):
+            with suppress(OSError):  # it has just been moved away
+                self.schedule(saved())
 
     def _changed(self) -> list[Path]:
         components = self.parent.components
         if components is not self._components:  # the node creates a new dict when components are added or removed
             self._components, self._users = components, files_of(components)
-            self._texts = {path: row for one in _watchable(components) for path, row in one.watched_texts.items()}
+        self._texts = {path: saved for one in _watchable(components) for path, saved in one.watched_files.items()}
         return [path for path in dict.fromkeys((*self._users, *self._texts)) if self._has_changed(path)]
 
     def _has_changed(self, path: Path) -> bool:
@@ -94,10 +94,15 @@ class WatchLoop(Loop):
         try:
             stat = path.stat()
             mark = (stat.st_mtime_ns, stat.st_size)
-            if stat.st_size == 0 or (before is not None and before.mark == mark):
-                return False  # some editors empty a file before they write it
+            if before is not None and before.mark == mark and (stat.st_size or before.sha256 == _OF_NOTHING):
+                return False
+            if before is not None and not stat.st_size and (path not in self._texts or before.mark != mark):
+                # Some editors empty a file before they write it. Only a text may stay so, until the next check.
+                seen[path] = before._replace(mark=mark)
+                return False
             sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
         except OSError:
+            seen.setdefault(path, FileStamp(None, ""))
             return False  # some editors replace the file by a new one
         is_recent = time.time_ns() - stat.st_mtime_ns < _MTIME_GRANULARITY_NS
         seen[path] = FileStamp(None if is_recent else mark, sha256)
