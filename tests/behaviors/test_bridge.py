@@ -42,12 +42,13 @@ def test_robot_that_is_held_is_commanded_neutral_and_then_what_counts(words: lis
             commanded[DRIVES[word].field] = float(value)
         elif word == "undo":
             robot.undo()
-            commanded = before
+            commanded = dict(before)
         else:
             is_held = word == "hold"
             stored |= fields(robot.hold(is_held=is_held))
         if value == 9:
             stored |= fields(robot.take_tasks())
+        if value == 9 or word in ("hold", "release"):  # neither comes within a block, whose commands are undone
             robot.mark()
             before = dict(commanded)
     stored |= fields(robot.take_tasks())

@@ -62,7 +62,7 @@ MISTAKES = {
     ),
     "mean_of_all": Mistake(
         "Takes the mean of all pixels of stones instead of the nearest.",
-        lost={"finds": 5.0},
+        lost={"finds": 5.0, "clears_by_stereo": 10.0, "slow_and_explained": 15.0},
         hint="The nearest stones count",
         changes=[
             replace("process_2d.py", "column, width = near[len(near) // 2], ", "column, width = columns.mean(), "),
@@ -70,7 +70,7 @@ MISTAKES = {
     ),
     "old_image": Mistake(
         "Looks at an image from before the state began.",
-        lost={"finds": 15.0, "follows_states": 5.0},
+        lost={"finds": 15.0, "follows_states": 5.0, "slow_and_explained": 6.0},
         hint="An image from before the state began does not count",
         changes=[replace("process_2d.py", "self.stamp_s = self.entered_s\n", "self.stamp_s = -1.0\n")],
     ),
@@ -134,7 +134,7 @@ MISTAKES = {
     ),
     "not_in_the_barrier": Mistake(
         "Makes process_2d an endpoint, which no barrier holds.",
-        lost={"follows_states": 20.0, "all_together": 10.0, **RUNS},
+        lost={"finds": 5.0, "follows_states": 20.0, "all_together": 10.0, **RUNS},
         hint="Name all three processes in observers",
         changes=[
             replace(
