@@ -18,6 +18,7 @@ PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
 HERE = Path(__file__).parent / "debug_by_replay"
 
 
+@pytest.mark.nightly  # those of lab 1 and 11 are tried before each landing
 def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def repair(folder: Path) -> None:
         shutil.copy(HERE / "reference" / "findings.toml", folder / "debug_lab")

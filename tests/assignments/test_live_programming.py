@@ -41,6 +41,7 @@ def test_commands_and_pictures_of_page_exist() -> None:
 
 
 @pytest.mark.unmeasured
+@pytest.mark.nightly  # those of lab 1 and 11 are tried before each landing
 def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     printed = type_page(FOLDER / "README.md", {})
     assert any("State 'at_wall' cannot be left" in output for output in printed.values())

@@ -23,6 +23,7 @@ KINDS = ("clear", "murky", "covered", "cluttered", "lost", "lost among clutter")
 
 
 @pytest.mark.unmeasured
+@pytest.mark.nightly  # those of lab 1 and 11 are tried before each landing
 def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solve(folder: Path) -> None:
         shutil.copy(HERE / "reference" / "perception.py", folder / "see_lab")

@@ -29,6 +29,7 @@ LIMITS = {
 }  # urov_heading_hold's
 
 
+@pytest.mark.nightly  # those of lab 1 and 11 are tried before each landing
 def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solve(folder: Path) -> None:
         shutil.copytree(HERE / "reference", folder / "graph_lab", dirs_exist_ok=True)

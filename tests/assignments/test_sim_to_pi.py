@@ -32,6 +32,7 @@ IMU = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
 
 
 @pytest.mark.unmeasured
+@pytest.mark.nightly  # those of lab 1 and 11 are tried before each landing
 def test_commands_of_lab_have_documented_results_and_reference_holds(
     type_page: Callable[..., dict[str, str]], emulators: None
 ) -> None:

@@ -30,6 +30,7 @@ TRIED = {  # flights that each mistake is tried in: the one that shows it, and s
 
 
 @pytest.mark.unmeasured
+@pytest.mark.nightly  # those of lab 1 and 11 are tried before each landing
 def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[str, str]]) -> None:
     def solve(folder: Path) -> None:
         shutil.copytree(HERE / "reference", folder / "two_nodes_lab", dirs_exist_ok=True)

@@ -46,7 +46,7 @@ def part(name: str) -> ModuleType:
     ("ranging", "seeds", "at_least"),
     [
         ("lidar", range(1), 1),
-        pytest.param("stereo", range(3), 3, marks=pytest.mark.slow),
+        pytest.param("stereo", range(1), 1, marks=pytest.mark.slow),
         pytest.param("stereo", range(100), 90, marks=[pytest.mark.slow, pytest.mark.nightly(minutes=5)]),
         pytest.param("lidar", range(100), 90, marks=[pytest.mark.slow, pytest.mark.nightly(minutes=4)]),
     ],
