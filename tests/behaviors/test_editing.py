@@ -366,6 +366,6 @@ def test_edit_to_the_same_program_changes_nothing_that_follows(
     for passed_ns, pages["holding"], signal in later:
         now_ns += passed_ns
         assert one.step(now_ns, signal) == two.step(now_ns, signal)
-    # An edit begins to count the problems of blocks anew, so that those which it repairs are over.
+    # An edit begins to count the problems of blocks from 0, so that those which it repairs are over.
     after = [{key: value for key, value in of.snapshot().items() if key != "problems"} for of in (one, two)]
     assert after[0] == after[1]
