@@ -108,9 +108,11 @@ class FastLaneGuard:
     ALLOWED_PROCESSES = ("uname", "lscpu", "fc-list")
     SOCKETS = ("socket.bind", "socket.connect")
     THREADS = ("_thread.start_new_thread", "_thread.start_joinable_thread")  # audited from Python 3.12 on
-    # Of the recorder and its listener, of the handling of signals, of the watchdog, and of prompt_toolkit; loops
+    # Of the recorder and its listener, of the handling of signals, of the watchdogs, and of prompt_toolkit; loops
     # have threads on the wall clock only.
-    ALLOWED_THREADS = ("trace-flusher", "trace-listener", "wake_up", "watchdog", "patch-stdout-flush-thread")
+    ALLOWED_THREADS = (
+        "trace-flusher", "trace-listener", "wake_up", "watchdog", "slow start", "patch-stdout-flush-thread",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.is_active = False

@@ -16,7 +16,8 @@ SHARE_BYTES = 8 * 1024  # of a peer in a round, as in streams.py
 class FairQueue(Generic[Frame]):
     """First in, first out for each peer; peers are read in rounds of equal shares.
 
-    A full queue drops and counts pages of the peer of which most bytes wait, and never blocks.
+    A full queue drops and counts pages of the peer of which most wait, by frames or by bytes, whichever are too many.
+    It never blocks.
 
     Args:
         max_pages: maximum number of frames that wait.
@@ -44,9 +45,14 @@ class FairQueue(Generic[Frame]):
         self._count += 1
         # Rarely more than one turn: each frame that arrives displaces as much as it brings.
         while self._count > 1 and (self._count > self._max_pages or self._total_bytes > self._max_bytes):
-            fullest = max(self._bytes, key=lambda one: (self._bytes[one], len(self._frames[one])))
-            self._remove(fullest, is_newest=self._policy == "refuse")
+            self._remove(self._fullest(), is_newest=self._policy == "refuse")
             self.dropped += 1
+
+    def _fullest(self) -> Hashable:
+        """Return the peer that has the most of what is too much."""
+        if self._count > self._max_pages:
+            return max(self._frames, key=lambda one: (len(self._frames[one]), self._bytes[one]))
+        return max(self._frames, key=lambda one: (self._bytes[one], len(self._frames[one])))
 
     def take(self, max_bytes: int) -> list[Frame]:
         """Remove and return frames: at least one if any waits, and about `max_bytes` at most.
