@@ -191,6 +191,11 @@ class MachineDef:
                 yield one
 
     @cached_property
+    def by_name(self) -> dict[str, StateDef]:
+        """Its states by name."""
+        return {one.name: one for one in self.states}
+
+    @cached_property
     def extent(self) -> tuple[int, int]:
         """How many states it has, with those of the machines in them; and how many levels of machines."""
         inside = [spawn.machine.extent for state in self.states for spawn in state.spawns]

@@ -209,6 +209,9 @@ class _Given:
 
     function: Function
 
+    def __hash__(self) -> int:
+        return hash(_text_of(self.function))  # of an object that is called there may be no hash
+
     def __call__(self, bindings: Bindings) -> Function:
         """Return the function."""
         return self.function

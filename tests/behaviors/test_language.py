@@ -279,7 +279,7 @@ def test_doubtful_things_are_warnings() -> None:
     text = "(machine m (event never) (state a) (state b) (machine_ x))(spawn m a)".replace("(machine_ x)", "")
     assert [one.message for one in parse(text).warnings] == [
         "No transition uses the event 'never'.",
-        "No transition of 'm' leads to state 'b'.",
+        "No run can reach state 'b'.",
     ]
     assert parse("(machine m (state a))").warnings[0].message == "No machine is spawned."
 
