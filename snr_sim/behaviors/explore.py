@@ -92,7 +92,9 @@ class _At(NamedTuple):
 def _ways(spawns: tuple[Spawn, ...]) -> Ways:
     """Return the shortest way to each state that can be reached."""
     found: Ways = {}
-    left = deque((_At(name, spawn.machine, None), spawn.initial, None) for name, spawn in with_names(spawns))
+    left: deque[tuple[_At, str, Way | None]] = deque(
+        (_At(name, spawn.machine, None), spawn.initial, None) for name, spawn in with_names(spawns)
+    )
     expected = set[tuple[str, str]]()  # those that a transition leads to
     while left:
         at, name, way = left.popleft()
@@ -113,11 +115,9 @@ def _ways(spawns: tuple[Spawn, ...]) -> Ways:
 
 def _configurations(machine: MachineDef, path: str, ways: Ways) -> int:
     """Return in how many ways a machine and those inside it can be in their states."""
-    return sum(  # exact: integers
-        prod(_configurations(spawn.machine, f"{path}/{one.name}/{name}", ways) for name, spawn in with_names(one.spawns))
-        for one in machine.states
-        if (path, one.name) in ways
-    )
+    reached = [one for one in machine.states if (path, one.name) in ways]
+    inside = [[(f"{path}/{one.name}/{name}", spawn) for name, spawn in with_names(one.spawns)] for one in reached]
+    return sum(prod(_configurations(spawn.machine, at, ways) for at, spawn in row) for row in inside)  # exact: integers
 
 
 # -- what it says -----------------------------------------------------------------------------------------------------

@@ -470,8 +470,8 @@ class Interpreter:
         """Command neutral to parts that only machines commanded which have gone."""
         if self.robot is not None:
             still_commanded = {part for found in parts_of(new).values() for part in found}
-            for part in sorted(parts - still_commanded):
-                getattr(self.robot, part).stop()
+            if gone := sorted(parts - still_commanded):
+                self.robot.stop(*gone)
 
     def delay(self, duration_ns: int) -> None:
         """Let all times of entry be later by a duration in which the machines stood still."""

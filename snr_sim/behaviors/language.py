@@ -254,8 +254,7 @@ class _Language:
 
     def _file(self, form: Form, suffix: str) -> str:
         """Return the name of the file in a form."""
-        item = form.items[1] if len(form.items) == 2 else None
-        if not isinstance(item, Text):
+        if len(form.items) != 2 or not isinstance(item := form.items[1], Text):
             raise self._notes.shape(form)
         if wrong := why_not(item.text, suffix):
             raise self._notes.failed(
@@ -314,32 +313,25 @@ class _Language:
         return name
 
     def _declared(self, form: Form, name: str, names: _Names, scope: str) -> _Names:
-        if first_word(form) == "def":
-            code, own = form.items[-1], set[str]()
-            given = tuple(self._python_name(form, i, own) for i in range(2, len(form.items) - 1))
-            if not isinstance(code, Code):
-                raise self._notes.shape(form)
-            block = self._block(code, "condition", replace(names, variables={**names.variables, **_own(given)}))
-            without = {key: value for key, value in names.variables.items() if key != name}
-            # One with a mistake is known all the same, so that its callers are not mistakes, too.
-            text = "None" if block is None else code.text
-            seen = tuple(sorted(names.variables.items())), tuple(names.definitions.items())
-            definitions = {**names.definitions, name: define(given, text, *seen, tuple(self._actions.items()))}
-            return replace(names, definitions=definitions, variables=without)
-        if len(form.items) != 4 or not is_word(form.items[2], ":="):
-            raise self._notes.shape(form)
-        code = form.items[3]
-        if not isinstance(code, Code):
-            raise self._notes.shape(form)
-        key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
-        value = self._initial(name, code, names)
-        definitions = {one: given for one, given in names.definitions.items() if one != name}
-        return replace(
-            names,
-            variables={**names.variables, name: key},
-            values={**names.values, key: value},
-            definitions=definitions,
-        )
+        match form.items:
+            case (Word("def"), _, *given, Code() as code):
+                own = set[str]()
+                parameters = tuple(self._python_name(form, i, own) for i in range(2, 2 + len(given)))
+                inside = replace(names, variables={**names.variables, **dict.fromkeys(parameters, "")})
+                block = self._block(code, "condition", inside)
+                # One with a mistake is known all the same, so that its callers are not mistakes, too.
+                text = "None" if block is None else code.text
+                seen = tuple(sorted(names.variables.items())), tuple(names.definitions.items())
+                made = define(parameters, text, *seen, tuple(self._actions.items()))
+                variables = {key: value for key, value in names.variables.items() if key != name}
+                return replace(names, definitions={**names.definitions, name: made}, variables=variables)
+            case (Word("var"), _, Word(":="), Code() as code):
+                key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
+                value = self._initial(name, code, names)
+                definitions = {one: given for one, given in names.definitions.items() if one != name}
+                known = {**names.variables, name: key}
+                return replace(names, variables=known, values={**names.values, key: value}, definitions=definitions)
+        raise self._notes.shape(form)
 
     def _initial(self, name: str, code: Code, names: _Names) -> Any:
         """Return the value of an initialiser, which may name what is declared before it."""
@@ -391,18 +383,20 @@ class _Language:
         self._on_error = word  # type: ignore[assignment]
 
     def _rule(self, form: Form, names: _Names) -> Rule:
-        kind, *items = first_word(form), *form.items[1:]
-        word, code = (items[0], items[1]) if len(items) == 2 else (items[0], None) if len(items) == 1 else (None, None)
-        if kind == "always" and code is None:
-            word, code = None, word
-        is_complete = isinstance(code, Code) if kind == "always" else isinstance(word, Word)
-        if not is_complete or not isinstance(code, Code | None) or not isinstance(word, Word | None):
-            raise self._notes.shape(form)
-        block = None if code is None else self._notes.needed(self._block(code, "condition", names))
-        if kind == "always":
-            return Rule("always", code.text if word is None and code is not None else text_of(word), block, form.place)
-        states = {one.name for machine in self._made_machines for one in machine.states}
-        return Rule("break", self._notes.known(items[0], states, "state"), block, form.place)
+        match form.items:
+            case (Word("always"), Code() as code):
+                name = code.text
+            case (Word("always"), Word(name), Code() as code):
+                pass
+            case (Word("break"), Word(name)) | (Word("break"), Word(name), Code()):
+                states = {one.name for machine in self._made_machines for one in machine.states}
+                self._notes.known(form.items[1], states, "state")
+                given = form.items[2:]  # a block, or nothing
+                condition = self._notes.needed(self._block(given[0], "condition", names)) if given else None  # type: ignore[arg-type]
+                return Rule("break", name, condition, form.place)
+            case _:
+                raise self._notes.shape(form)
+        return Rule("always", name, self._notes.needed(self._block(code, "condition", names)), form.place)
 
     def _machine(self, machine: _Machine) -> MachineDef:
         if machine.made is None:
@@ -466,13 +460,13 @@ class _Language:
         return found
 
     def _made_event(self, form: Form, name: str, names: _Names) -> _Event:
-        if len(form.items) == 2:
-            return _Event(form.place, None)
-        code = form.items[2]
-        if len(form.items) > 3 or not isinstance(code, Code):
-            raise self._notes.shape(form)
-        block = self._block(code, "condition", names)
-        return _Event(form.place, None if block is None else replace(block, text=name))
+        match form.items:
+            case (_, _):
+                return _Event(form.place, None)
+            case (_, _, Code() as code):
+                block = self._block(code, "condition", names)
+                return _Event(form.place, None if block is None else replace(block, text=name))
+        raise self._notes.shape(form)
 
     def _state(self, form: Form, names: _Names) -> StateDef:
         name = self._notes.name(form, 1)
@@ -481,32 +475,26 @@ class _Language:
         names = replace(names, machines={**names.machines, **machines})
         for inner in machines.values():
             inner.names = names
-        enter: list[Block | Spawn] = []
-        during: list[Block] = []
-        leave: list[Block] = []
+        clauses: dict[str, list[Any]] = {"onentry": [], "running": [], "onexit": []}
         for one in forms:
-            kind = first_word(one)
-            if kind == "machine":
-                continue
-            if len(one.items) != 2:
-                self._notes.tried(self._notes.refuse, one)
-                continue
-            content = one.items[1]
-            if kind == "onentry" and isinstance(content, Form):
-                if self._notes.word(content, ("spawn",), "onentry"):
-                    enter += self._notes.tried(self._spawn, content, names)
-            elif isinstance(content, Code):
-                block = self._block(content, "block", names)
-                if block is not None:
-                    {"onentry": enter, "running": during, "onexit": leave}[kind].append(block)  # type: ignore[attr-defined]
-            else:
-                self._notes.tried(self._notes.refuse, one)
-        spawned = {id(one.machine) for one in enter if isinstance(one, Spawn)}
+            match one.items:
+                case (Word("machine"), *_):
+                    pass
+                case (Word(kind), Code() as code):
+                    block = self._block(code, "block", names)
+                    clauses[kind] += [] if block is None else [block]
+                case (Word("onentry"), Form() as content):
+                    if self._notes.word(content, ("spawn",), "onentry"):
+                        clauses["onentry"] += self._notes.tried(self._spawn, content, names)
+                case _:
+                    self._notes.shape(one)
+        spawned = {id(one.machine) for one in clauses["onentry"] if isinstance(one, Spawn)}
         for machine in machines.values():
             made = self._notes.tried(self._machine, machine)
             if made and id(made[0]) not in spawned:
                 self._notes.add(machine.form.place, f"Machine '{made[0].name}' is never spawned.", is_error=False)
-        return StateDef(name, tuple(enter), tuple(during), tuple(leave), form.place)
+        enter, during, leave = map(tuple, clauses.values())
+        return StateDef(name, enter, during, leave, form.place)
 
     def _transition(self, form: Form, names: _Names, states: list[str], around: list[str] | None) -> Transition:
         kind: Kind = first_word(form)  # type: ignore[assignment]
@@ -589,13 +577,5 @@ class _Start:
 
 
 def _merged(names: _Names, found: _Names) -> _Names:
-    return _Names(
-        {**names.variables, **found.variables},
-        {**names.values, **found.values},
-        {**names.definitions, **found.definitions},
-        {**names.machines, **found.machines},
-    )
-
-
-def _own(names: Iterable[str]) -> dict[str, str]:
-    return {name: name for name in names}
+    tables = ("variables", "values", "definitions", "machines")
+    return _Names(*({**getattr(names, one), **getattr(found, one)} for one in tables))

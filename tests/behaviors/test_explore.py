@@ -165,7 +165,9 @@ def test_large_program_is_searched_in_time() -> None:
 
 
 def test_exit_of_an_inner_machine_is_on_the_shortest_way() -> None:
-    inner = machine("i", "p", [state("p", on("k", to="q", name="in")), state("q", exits(on("out", to="b", name="out")))])
+    inner = machine(
+        "i", "p", [state("p", on("k", to="q", name="in")), state("q", exits(on("out", to="b", name="out")))]
+    )
     made = machine("m", "a", [state("a", machines=[inner]), state("b", on("on", to="c", name="on")), state("c")])
     (finding,) = explore(made)[0]
     assert (finding.name, finding.word) == ("c", ("in", "out", "on"))

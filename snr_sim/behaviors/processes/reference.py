@@ -40,7 +40,7 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 OnStuck: TypeAlias = Literal["fail", "detach", "failsafe"]
 States: TypeAlias = Mapping[str, Mapping[str, str]]  # from each state by event to the next
 NOOP = "NOOP"  # an event without effect, as in Kooi's program
-EVENTS = ("transition", "dropped", "attach", "detach", "stop", "step", "publish", "ended", "left", "crashed")
+HANDLED = ("publish", "ended", "left", "crashed", "attach", "detach", "stop", "step")  # events, besides those of states
 
 
 def reference_parts(
@@ -155,17 +155,11 @@ class Reference(Endpoint):
         self._dead: set[str] = set()
         self._deadline_s = 0.0
         signals = {event for then in factory.states.values() for event in then}
-        self.optional_events = [*(f"{name}.{what}" for what in EVENTS), *signals, NOOP]  # most come by `publish`
+        own = [f"{name}.{what}" for what in ("transition", "dropped", *HANDLED)]
+        self.optional_events = [*own, *signals, NOOP]  # most come by `publish`
         self.task_handlers = {
             **{(TaskType.event, event): self.on_event for event in sorted({*signals, NOOP})},
-            (TaskType.event, f"{name}.publish"): self.on_publish,
-            (TaskType.event, f"{name}.ended"): self.on_ended,
-            (TaskType.event, f"{name}.left"): self.on_left,
-            (TaskType.event, f"{name}.crashed"): self.on_crashed,
-            (TaskType.event, f"{name}.attach"): self.on_attach,
-            (TaskType.event, f"{name}.detach"): self.on_detach,
-            (TaskType.event, f"{name}.stop"): self.on_stop,
-            (TaskType.event, f"{name}.step"): self.on_step,
+            **{(TaskType.event, f"{name}.{what}"): getattr(self, f"on_{what}") for what in HANDLED},
         }
 
     @property
