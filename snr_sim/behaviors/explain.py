@@ -6,6 +6,7 @@ its parts can be evaluated once more; but for random numbers, which would change
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -125,7 +126,12 @@ def watched(
 ) -> Callable[[Any], bool]:
     """Return the condition of a transition, with its time, and logs each evaluation."""
     blocks = (definition.after_ns, definition.condition) if evaluations.has_values else ()
-    parts = [part for one in blocks if isinstance(one, Block) for part in parts_of(one, bindings)]
+    parts = [
+        (part.text, part.bind(bindings))
+        for one in blocks
+        if isinstance(one, Block) and one.parts is not None
+        for part in one.parts()
+    ]
 
     def condition(context: Any) -> bool:
         elapsed_ns = context.now_ns - machine.since_ns
@@ -141,30 +147,17 @@ def watched(
         if evaluations.is_selected(context.now_ns, machine.path, definition.target):
             evaluations.keep(
                 Evaluation(
-                    context.now_ns,
-                    machine.path,
-                    machine.state.name,
-                    definition.name,
-                    definition.kind,
-                    definition.target,
-                    definition.place.line,
-                    elapsed_ns,
-                    after_ns,
-                    is_true,
+                    context.now_ns, machine.path, machine.state.name, definition.name, definition.kind,
+                    definition.target, definition.place.line, elapsed_ns, after_ns, is_true,
                     {text: _value(part, context) for text, part in parts},
                     "" if error is None else f"{type(error).__name__}: {error}",
                 )
-            )
+            )  # fmt: skip
         if error is not None:
             raise error
         return is_true
 
     return condition
-
-
-def parts_of(block: Block, bindings: Bindings) -> list[tuple[str, Callable[[Any], Any]]]:
-    """Return the parts of a condition in text, each with what evaluates it."""
-    return [] if block.parts is None else [(one.text, one.bind(bindings)) for one in block.parts()]
 
 
 def _value(part: Callable[[Any], Any], context: Any) -> str:
@@ -184,29 +177,26 @@ def summary(found: list[Evaluation]) -> list[dict[str, Any]]:
 
     Values that are numbers are given as "from ... to ..."; of others, up to four different ones.
     """
-    rows: dict[tuple[str, str, str, int], dict[str, Any]] = {}
-    values: dict[tuple[str, str, str, int], dict[str, dict[str, None]]] = {}
+    groups: dict[tuple[str, str, str, int], list[Evaluation]] = {}
     for one in found:
-        key = one.machine, one.state, one.transition, one.line
-        row = rows.setdefault(
-            key,
-            {
-                "machine": one.machine, "state": one.state, "transition": one.transition, "target": one.target,
-                "line": one.line, "evaluated": 0, "taken": 0, "longest_s": 0.0,
-                "after_s": None, "errors": {},
-            },
-        )  # fmt: skip
-        row["after_s"] = None if one.after_ns is None else one.after_ns / 1e9  # the newest, if a variable gives it
-        row["evaluated"] += 1
-        row["taken"] += one.is_true
-        row["longest_s"] = max(row["longest_s"], one.elapsed_ns / 1e9)
-        if one.error:
-            row["errors"][one.error] = row["errors"].get(one.error, 0) + 1
+        groups.setdefault((one.machine, one.state, one.transition, one.line), []).append(one)
+    return [_row(group) for group in groups.values()]
+
+
+def _row(group: list[Evaluation]) -> dict[str, Any]:
+    first, after_ns = group[0], group[-1].after_ns  # the newest, if a variable gives it
+    values: dict[str, dict[str, None]] = {}
+    for one in group:
         for text, value in one.values.items():
-            values.setdefault(key, {}).setdefault(text, {})[value] = None
-    for key, row in rows.items():
-        row["values"] = {text: _range(list(seen)) for text, seen in values.get(key, {}).items()}
-    return list(rows.values())
+            values.setdefault(text, {})[value] = None
+    return {
+        "machine": first.machine, "state": first.state, "transition": first.transition, "target": first.target,
+        "line": first.line, "evaluated": len(group), "taken": [one.is_true for one in group].count(True),
+        "longest_s": max(one.elapsed_ns for one in group) / 1e9,
+        "after_s": None if after_ns is None else after_ns / 1e9,
+        "errors": dict(Counter(one.error for one in group if one.error)),
+        "values": {text: _range(list(seen)) for text, seen in values.items()},
+    }  # fmt: skip
 
 
 def _range(seen: list[str]) -> str:

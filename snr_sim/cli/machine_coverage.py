@@ -1,4 +1,4 @@
-"""`snr machine coverage SCENARIO`: which states and transitions of its machines are reached over several seeds."""
+"""`snr machine coverage SCENARIO`: what its machines reach over several seeds."""
 
 from __future__ import annotations
 
@@ -96,3 +96,11 @@ def _print(name: str, report: dict[str, Any]) -> None:
             print_text(f"{where} was not taken, {looked}")
         elif not row["was_false"] and row["evaluated"] == row["taken"]:
             print_text(f"{where} was always taken")
+    for row in report["conditions"]:
+        where = f"    line {row['line']:<4} {row['machine']}: condition {row['condition']}"
+        if bool(row["was_true"]) != bool(row["was_false"]):
+            print_text(f"{where} was never {'false' if row['was_true'] else 'true'}")
+    for row in report["time_outs"]:
+        where = f"    line {row['line']:<4} {row['machine']}: the time of {row['transition']} in {row['state']}"
+        if not row["fired"]:
+            print_text(f"{where} was never over: {row['longest_s']:g} s at most, left {row['cancelled']} times before")
