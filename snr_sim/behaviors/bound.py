@@ -79,10 +79,11 @@ class BoundState:
 class BoundTransition:
     """A transition as it runs; of an exit the target is a state of the machine around."""
 
-    __slots__ = ("definition", "effect", "is_exit", "kind", "line", "name", "target")
+    __slots__ = ("cause", "definition", "effect", "is_exit", "kind", "line", "name", "target")
 
     def __init__(self, definition: Transition, bindings: Bindings, target: BoundState) -> None:
         self.definition: Transition = definition
+        self.cause: Any = definition.condition or definition.after_ns  # the block that may raise, if there is one
         self.kind: Kind = definition.kind
         self.name: str = definition.name
         self.line: int = definition.place.line

@@ -28,15 +28,10 @@ class Tally:
 class Coverage:
     """Counts evaluations, in the place of an `EvaluationLog`; the same one may serve several runs of a program."""
 
-    has_values: bool = False
     states: set[tuple[str, str]] = field(default_factory=set)  # (path of the machine, state)
     tallies: dict[tuple[str, str, str, int], Tally] = field(default_factory=dict)
 
-    def is_selected(self, t_ns: int, machine: str, target: str) -> bool:
-        """Return True: everything counts."""
-        return True
-
-    def keep(self, one: Evaluation) -> None:
+    def keep(self, one: Evaluation, values: object) -> None:
         """Count an evaluation."""
         self.states.add((one.machine, one.state))
         tally = self.tallies.setdefault((one.machine, one.state, one.transition, one.line), Tally())

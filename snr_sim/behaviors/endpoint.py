@@ -19,7 +19,6 @@ import msgspec
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
-from snr_sim.behaviors.explain import Evaluations
 from snr_sim.behaviors.interpreter import Change, Interpreter
 from snr_sim.behaviors.live_edit import LiveEdits, StaleEditError
 from snr_sim.behaviors.program import Place, Problem, Program, ProgramError, show_problem
@@ -117,7 +116,6 @@ class MachineFactory(EndpointFactory):
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
         self.name: str = name
-        self.evaluations: Evaluations | None = None  # of a replay that explains the machine
         self.reacts_to: tuple[DataKey, ...] = (reacts_to,) if isinstance(reacts_to, str) else tuple(reacts_to)
 
     def get(self, parent: NodeApi) -> MachineEndpoint:
@@ -173,9 +171,7 @@ class MachineEndpoint(Endpoint):
     def __init__(self, factory: MachineFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         owner: Owner = self
-        self.interpreter: Interpreter = Interpreter(
-            factory.program, owner, bridge=factory.bridge, rng=self.rng, evaluations=factory.evaluations
-        )
+        self.interpreter: Interpreter = Interpreter(factory.program, owner, bridge=factory.bridge, rng=self.rng)
         self.is_paused: bool = False
         self.program_number: int = 1
         # Changes and answered edits, each with the number of the program then, for a reader on another thread.

@@ -32,8 +32,8 @@ class Evaluation(msgspec.Struct, frozen=True):
         elapsed_ns: time in the state.
         after_ns: least time; None without one.
         is_true: whether it was taken.
-        values: of the parts of its condition, as text.
         error: of the condition; empty without one.
+        values: of the parts of its condition, as text.
     """
 
     t_ns: int
@@ -46,8 +46,8 @@ class Evaluation(msgspec.Struct, frozen=True):
     elapsed_ns: int
     after_ns: int | None
     is_true: bool
-    values: dict[str, str]
     error: str = ""
+    values: dict[str, str] = {}
 
 
 @dataclass
@@ -58,25 +58,22 @@ class EvaluationLog:
         from_ns, until_ns: the interval, inclusive.
         machine: path of the machine; empty for all.
         target: only transitions to this state; empty for all.
-        has_values: whether the values of conditions' parts are kept.
     """
 
     from_ns: int
     until_ns: int
     machine: str = ""
     target: str = ""
-    has_values: bool = True
     found: list[Evaluation] = field(default_factory=list)
     left_out: int = 0  # more than are kept
 
-    def is_selected(self, t_ns: int, machine: str, target: str) -> bool:
-        """Return whether an evaluation is to be kept."""
-        return self.from_ns <= t_ns <= self.until_ns and self.machine in ("", machine) and self.target in ("", target)
-
-    def keep(self, one: Evaluation) -> None:
-        """Keep an evaluation."""
+    def keep(self, one: Evaluation, values: Callable[[], dict[str, str]]) -> None:
+        """Keep an evaluation, if it is selected, with its values."""
+        is_selected = self.machine in ("", one.machine) and self.target in ("", one.target)
+        if not (is_selected and self.from_ns <= one.t_ns <= self.until_ns):
+            return
         if len(self.found) < MAX_EVALUATIONS:
-            self.found.append(one)
+            self.found.append(msgspec.structs.replace(one, values=values()))
         else:
             self.left_out += 1
 
@@ -84,13 +81,8 @@ class EvaluationLog:
 class Evaluations(Protocol):
     """What takes evaluations: an `EvaluationLog`, or a count of them."""
 
-    has_values: bool
-
-    def is_selected(self, t_ns: int, machine: str, target: str) -> bool:
-        """Return whether an evaluation is to be kept."""
-
-    def keep(self, one: Evaluation) -> None:
-        """Keep an evaluation."""
+    def keep(self, one: Evaluation, values: Callable[[], dict[str, str]]) -> None:
+        """Keep an evaluation; `values` returns those of the parts of its condition."""
 
 
 _of_program: ContextVar[Callable[[Program], Evaluations] | None] = ContextVar("_of_program", default=None)
@@ -125,13 +117,14 @@ def watched(
     evaluations: Evaluations,
 ) -> Callable[[Any], bool]:
     """Return the condition of a transition, with its time, and logs each evaluation."""
-    blocks = (definition.after_ns, definition.condition) if evaluations.has_values else ()
-    parts = [
-        (part.text, part.bind(bindings))
-        for one in blocks
-        if isinstance(one, Block) and one.parts is not None
-        for part in one.parts()
-    ]
+    parts: list[tuple[str, Callable[[Any], Any]]] | None = None  # bound when they are asked for
+
+    def values(context: Any) -> dict[str, str]:
+        nonlocal parts
+        if parts is None:
+            blocks = [one for one in (definition.after_ns, definition.condition) if isinstance(one, Block)]
+            parts = [(part.text, part.bind(bindings)) for one in blocks if one.parts for part in one.parts()]
+        return {text: _value(part, context) for text, part in parts}
 
     def condition(context: Any) -> bool:
         elapsed_ns = context.now_ns - machine.since_ns
@@ -144,15 +137,13 @@ def watched(
             is_true = is_due and (holds is None or bool(holds(context)))
         except Exception as raised:
             error = raised
-        if evaluations.is_selected(context.now_ns, machine.path, definition.target):
-            evaluations.keep(
-                Evaluation(
-                    context.now_ns, machine.path, machine.state.name, definition.name, definition.kind,
-                    definition.target, definition.place.line, elapsed_ns, after_ns, is_true,
-                    {text: _value(part, context) for text, part in parts},
-                    "" if error is None else f"{type(error).__name__}: {error}",
-                )
-            )  # fmt: skip
+        shown = "" if error is None else f"{type(error).__name__}: {error}"
+        one = definition
+        evaluation = Evaluation(
+            context.now_ns, machine.path, machine.state.name, one.name, one.kind, one.target, one.place.line,
+            elapsed_ns, after_ns, is_true, shown,
+        )  # fmt: skip
+        evaluations.keep(evaluation, lambda: values(context))
         if error is not None:
             raise error
         return is_true

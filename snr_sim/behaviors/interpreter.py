@@ -247,7 +247,7 @@ class Interpreter:
                 if condition(context):
                     return self._take(machine, arrow)
             except Exception as error:
-                self._report_condition(machine, arrow, error)
+                self._report(machine, arrow.cause, error)
         for code in state.during:
             self._run(machine, code)
         for inner in machine.running:
@@ -293,7 +293,7 @@ class Interpreter:
                 if condition is None or condition(context):
                     return arrow
             except Exception as error:
-                self._report_condition(machine, arrow, error)
+                self._report(machine, arrow.cause, error)
         return None
 
     def _leave(self, machine: BoundMachine, state: BoundState, held_ns: int) -> None:
@@ -357,12 +357,6 @@ class Interpreter:
             return
         if output is not None:
             self.outputs.append((code.call, output))
-
-    def _report_condition(self, machine: BoundMachine, arrow: BoundTransition, error: Exception) -> None:
-        after_ns = arrow.definition.after_ns
-        block = arrow.definition.condition or after_ns
-        assert isinstance(block, Block)
-        self._report(machine, block, error)
 
     def _report(self, machine: BoundMachine, block: Block, error: Exception) -> None:
         if self._fails:
