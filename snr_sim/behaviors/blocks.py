@@ -94,7 +94,9 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
     written = dedented(" " * (place.column - 1) + text).strip()
     drives = frozenset(part for part, _ in compiled.commands if part)
     return (
-        Block(written, place, compiled.make, drives, compiled.writes, bool(compiled.commands), parts),
+        Block(
+            written, place, compiled.make, drives, compiled.writes, compiled.make.keys, bool(compiled.commands), parts
+        ),
         problems,
     )
 
@@ -128,6 +130,7 @@ class _Make:
     meaning: object
     make: Callable[..., Callable[[Any], Any]] = field(compare=False)
     keys: tuple[str, ...]
+    code: str = field(compare=False)  # with that of the helpers that it calls
 
     def __call__(self, bindings: Bindings) -> Callable[[Any], Any]:
         """Return the function of the context."""
@@ -378,7 +381,8 @@ def _make(
         code = compile(module, "<block>", "exec")
     exec(code, rewriter.known)
     meaning = object() if rewriter.is_random else (text, variables, definitions, actions)
-    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places))
+    whole = "; ".join([text, *(one.text for one in rewriter.helpers)])
+    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places), whole)
 
 
 def _expression(text: str) -> ast.expr:

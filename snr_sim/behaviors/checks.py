@@ -10,7 +10,12 @@ from snr_sim.prelude.errors import suggest
 
 MAX_STATES = 10_000  # of a program, in all places of its machines
 MAX_LEVELS = 100  # of machines in states of machines
-_DOUBTFUL = ("unreachable", "hidden", "eps_cycle")
+_FIXES = {
+    "unreachable": "let a transition lead there, or leave it out.",
+    "hidden": "write it above that one, or leave one of them out.",
+    "eps_cycle": "a condition for one of these transitions.",
+    "dead_end": "let a transition leave it; a state that is the end can be named done.",
+}
 
 
 def problems_of(spawns: tuple[Spawn, ...]) -> list[Problem]:
@@ -21,8 +26,21 @@ def problems_of(spawns: tuple[Spawn, ...]) -> list[Problem]:
         what = f"The program has more than {MAX_STATES} states, or more than {MAX_LEVELS} levels of machines."
         return [Problem(spawns[0].place, what, "a machine counts as often as it is spawned: split the program.")]
     mistakes = [problem for spawn in spawns for problem in _problems(spawn, None)]
-    return mistakes or [
-        Problem(one.place, one.message, is_error=False) for one in findings(spawns) if one.kind in _DOUBTFUL
+    return mistakes or doubts_of(spawns)
+
+
+def doubts_of(spawns: tuple[Spawn, ...], *, also_ends: bool = False) -> list[Problem]:
+    """Return what is doubtful in machines without mistakes.
+
+    Args:
+        spawns: the machines.
+        also_ends: whether a state that cannot be left is doubtful: a machine that is run may be meant to end there.
+    """
+    kinds = {kind: fix for kind, fix in _FIXES.items() if also_ends or kind != "dead_end"}
+    return [
+        Problem(one.place, one.message, kinds[one.kind], is_error=False)
+        for one in findings(spawns)
+        if one.kind in kinds
     ]
 
 

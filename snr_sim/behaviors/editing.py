@@ -62,7 +62,7 @@ def _plan(old: BoundMachine, new: BoundMachine | None, initial: str, made: Plan)
         made.stopped.append(old)
         return
     assert old.state is not None
-    name = _same_state(old.definition, new.definition, old.state.name)
+    name = same_state(old.definition, new.definition, old.state.name)
     if name is None:
         made.restarted.append((old, new, initial))
         made.notes.append(f"State '{old.state.name}' of '{old.path}' has gone: it begins in '{initial}'.")
@@ -83,7 +83,7 @@ def _spawned(machine: BoundMachine, state: str) -> Iterator[tuple[BoundMachine, 
             yield spawned
 
 
-def _same_state(old: MachineDef, new: MachineDef, name: str) -> str | None:
+def same_state(old: MachineDef, new: MachineDef, name: str) -> str | None:
     """Return the name in a new definition of a state of the old one; None if it has gone."""
     names = [one.name for one in new.states]
     if name in names:

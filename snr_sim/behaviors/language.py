@@ -28,6 +28,7 @@ ours.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -37,7 +38,7 @@ from snr_sim.behaviors.block_checks import RESERVED
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
 from snr_sim.behaviors.checks import MAX_LEVELS, problems_of
 from snr_sim.behaviors.context import MAX_WORK, plain_value
-from snr_sim.behaviors.forms import FormError, Notes, first_word, is_word, text_of
+from snr_sim.behaviors.forms import Notes, first_word, is_word, text_of
 from snr_sim.behaviors.imports import Actions, why_not
 from snr_sim.behaviors.program import (
     ANY,
@@ -65,6 +66,7 @@ _TOP = ("var", "def", "machine", "spawn", "onerror", "always", "break", "import"
 _IN_MACHINE = ("var", "def", "state", "event", "on", "ontime", "eps", "exit")
 _IN_STATE = ("onentry", "running", "onexit", "machine")
 _ON_ERROR = ("go_on", "stop", "fail")
+_COMMANDS = re.compile(r"(robot\.\w+\.(start\(\s*-?[\d.]+\s*\)|stop\(\))[\s;]*)+")  # of a constant
 
 
 def parse(
@@ -157,6 +159,7 @@ class _Others:
         used: names of the files that have been read, with what their top names.
         inside: those that are being read, the outermost first.
         start: the context of all initialisers.
+        named: keys of the variables that blocks name.
     """
 
     files: Mapping[str, str]
@@ -164,6 +167,7 @@ class _Others:
     used: dict[str, _Names] = field(default_factory=dict)
     inside: list[str] = field(default_factory=list)
     start: _Start = field(default_factory=lambda: _Start())
+    named: set[str] = field(default_factory=set)
 
 
 class _Language:
@@ -178,6 +182,7 @@ class _Language:
         self._actions: dict[str, Callable[..., Any]] = {}
         self._inside: list[_Machine] = []  # machines that are being made, outermost first
         self._made_machines: list[MachineDef] = []
+        self._declared_at: dict[str, tuple[str, Place]] = {}  # name of each variable, and where, by key
         self._on_error: OnError = "go_on"
 
     def program(self, text: str, forms: list[Form]) -> Program:
@@ -197,6 +202,10 @@ class _Language:
             if first_word(form) in ("always", "break")
             for rule in self._notes.tried(self._rule, form, names)
         ]
+        exported = {text_of(form.items[-1]) for form in known if first_word(form) == "export"}
+        for key, (name, place) in self._declared_at.items():
+            if key not in self._others.named and name not in exported:
+                self._notes.add(place, f"Nothing uses the variable '{name}'.", "leave it out.", is_error=False)
         if not spawns and not self.problems:
             self._notes.add(
                 Place(1, 1, 1, 1), "No machine is spawned.", "(spawn MACHINE STATE) at the end.", is_error=False
@@ -327,6 +336,7 @@ class _Language:
                 return replace(names, definitions={**names.definitions, name: made}, variables=variables)
             case (Word("var"), _, Word(":="), Code() as code):
                 key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
+                self._declared_at[key] = name, form.items[1].place
                 value = self._initial(name, code, names)
                 definitions = {one: given for one, given in names.definitions.items() if one != name}
                 known = {**names.variables, name: key}
@@ -335,11 +345,7 @@ class _Language:
 
     def _initial(self, name: str, code: Code, names: _Names) -> Any:
         """Return the value of an initialiser, which may name what is declared before it."""
-        scope = Scope(names.variables, names.definitions, {}, self._actions)
-        block, problems = compile_block(code.text, code.place, "condition", scope)
-        self.problems += problems
-        if block is None:
-            raise FormError
+        block = self._notes.needed(self._block(code, "condition", names, {}))
         keys = list(names.values)
         bindings = Bindings([names.values[key] for key in keys], {key: i for i, key in enumerate(keys)})
         try:
@@ -482,6 +488,9 @@ class _Language:
                     pass
                 case (Word(kind), Code() as code):
                     block = self._block(code, "block", names)
+                    if kind == "running" and _COMMANDS.fullmatch(code.text.strip()):
+                        message = "This repeats the same command in each step."
+                        self._notes.add(code.place, message, "once is enough: (onentry [...]).", is_error=False)
                     clauses[kind] += [] if block is None else [block]
                 case (Word("onentry"), Form() as content):
                     if self._notes.word(content, ("spawn",), "onentry"):
@@ -557,10 +566,12 @@ class _Language:
 
         return replace(block, bind=in_ns)
 
-    def _block(self, code: Code, kind: Any, names: _Names) -> Block | None:
-        scope = Scope(names.variables, names.definitions, self._parts, self._actions)
+    def _block(self, code: Code, kind: Any, names: _Names, parts: Parts | None = None) -> Block | None:
+        scope = Scope(names.variables, names.definitions, self._parts if parts is None else parts, self._actions)
         block, problems = compile_block(code.text, code.place, kind, scope)
         self.problems += problems
+        if block is not None:
+            self._others.named.update(block.keys)
         return block
 
 
