@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from snr_sim.behaviors.editing import same_state
-from snr_sim.behaviors.program import Block, MachineDef, Program, StateDef, Transition
+from snr_sim.behaviors.editing import cause_of, clauses_of, code_of, same_state
+from snr_sim.behaviors.program import MachineDef, Program
 
 
 class Difference(NamedTuple):
@@ -31,7 +31,9 @@ class Difference(NamedTuple):
 def differences(old: Program, new: Program) -> list[Difference]:
     """Return what differs, in the order of the machines."""
     found = list(_of_values("", old.variables, new.variables, 0))
-    rules = [{f"{one.kind} {one.name}": (_code(one.condition), one.place.line) for one in p.rules} for p in (old, new)]
+    rules = [
+        {f"{one.kind} {one.name}": (code_of(one.condition), one.place.line) for one in p.rules} for p in (old, new)
+    ]
     found += _of_rows("rule", "", *rules)
     if old.on_error != new.on_error:
         found.append(Difference("program", "", "onerror", f"{old.on_error} is now {new.on_error}", 0))
@@ -59,7 +61,7 @@ def _of_machine(path: str, old: MachineDef, new: MachineDef) -> Iterator[Differe
         if name not in new.by_name:
             yield Difference("state", path, state.name, "removed", state.place.line)
             continue
-        line, were, clauses = new.by_name[name].place.line, _clauses(state), _clauses(new.by_name[name])
+        line, were, clauses = new.by_name[name].place.line, clauses_of(state), clauses_of(new.by_name[name])
         if name != state.name:
             yield Difference("state", path, state.name, f"renamed to {name}", line)
         if changed := [clause for clause in were if were[clause] != clauses[clause]]:
@@ -100,23 +102,5 @@ def _arrows(machine: MachineDef, renamed: Mapping[str, str]) -> dict[str, tuple[
         source, target = renamed.get(one.source, one.source), renamed.get(one.target, one.target)
         name = f"{source}->{target}" if one.name == f"{one.source}->{one.target}" else one.name
         names[name] += 1
-        found[name if names[name] == 1 else f"{name} #{names[name]}"] = (source, target, *_cause(one)), one.place.line
+        found[name if names[name] == 1 else f"{name} #{names[name]}"] = (source, target, *cause_of(one)), one.place.line
     return found
-
-
-def _cause(one: Transition) -> tuple[Any, ...]:
-    after = _code(one.after_ns) if isinstance(one.after_ns, Block) else one.after_ns
-    return one.kind, one.signal, _code(one.condition), after, _code(one.effect)
-
-
-def _clauses(state: StateDef) -> dict[str, list[Any]]:
-    rows = {"onentry": state.enter, "running": state.during, "onexit": state.leave}
-    return {
-        name: [_code(one) if isinstance(one, Block) else (one.machine.name, one.initial) for one in blocks]
-        for name, blocks in rows.items()
-    }
-
-
-def _code(block: Block | None) -> str:
-    """Return what a block means, with the helpers that it calls; of a function in Python, its name."""
-    return "" if block is None else getattr(block.bind, "code", block.text)

@@ -18,7 +18,7 @@ Time is whole nanoseconds: a time-out of 0.1 s is exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -426,7 +426,10 @@ class Interpreter:
         self.problems = {}
         notes = values_after(old, new, renamed)
         self._take_over(program, new, made)
-        self._neutralise({part for path in gone for part in parts_of(old)[path]}, new)
+        before_parts, parts = parts_of(old), {part for found in parts_of(new).values() for part in found}
+        unused = sorted({part for path in gone for part in before_parts[path]} - parts)
+        if unused and self.robot is not None:  # only machines that have gone commanded them
+            self.robot.stop(*unused)
         for before, machine, initial in made.restarted:
             line, (source, held_ns) = machine.definition.place.line, left[before.path]
             self._changes.append(Change(now_ns, machine.path, "edit", "edit", source, initial, held_ns, line))
@@ -459,13 +462,6 @@ class Interpreter:
                 (self._running if machine.parent is None else machine.parent.running).append(machine)
         self.program, self._bound = program, new
         self._fails = program.on_error == "fail"
-
-    def _neutralise(self, parts: Set[str], new: BoundProgram) -> None:
-        """Command neutral to parts that only machines commanded which have gone."""
-        if self.robot is not None:
-            still_commanded = {part for found in parts_of(new).values() for part in found}
-            if gone := sorted(parts - still_commanded):
-                self.robot.stop(*gone)
 
     def delay(self, duration_ns: int) -> None:
         """Let all times of entry be later by a duration in which the machines stood still."""

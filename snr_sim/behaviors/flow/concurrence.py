@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, TypeAlias
 
-from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution, check_known
-from snr_sim.behaviors.flow.userdata import Scope
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution
+from snr_sim.behaviors.flow.userdata import Scope, check_known
 from snr_sim.behaviors.flow.waits import Step, Wait
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import ConfigError

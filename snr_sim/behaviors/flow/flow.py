@@ -7,8 +7,8 @@ from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
-from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, check_known, check_outcomes
-from snr_sim.behaviors.flow.userdata import Scope
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, check_outcomes
+from snr_sim.behaviors.flow.userdata import Scope, check_known
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import ConfigError
 

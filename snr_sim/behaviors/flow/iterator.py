@@ -7,8 +7,8 @@ from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
-from snr_sim.behaviors.flow.state import Behavior, check_known
-from snr_sim.behaviors.flow.userdata import Scope, data_copy
+from snr_sim.behaviors.flow.state import Behavior
+from snr_sim.behaviors.flow.userdata import Scope, check_known, data_copy
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.prelude.errors import ConfigError
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Mapping
+from collections.abc import Generator, Mapping
 from types import GeneratorType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -21,16 +21,6 @@ if TYPE_CHECKING:
 
 PREEMPTED = "preempted"  # the outcome of what was preempted
 MAX_YIELDS = 10_000  # without a wait: then it is a loop without end
-
-
-def check_known(name: str, known: Collection[str], message: str) -> None:
-    """Check that a name is known.
-
-    Raises:
-        UnknownNameError: it is not; with the message and the nearest name.
-    """
-    if name not in known:
-        raise UnknownNameError(message, fix=suggest(name, known))
 
 
 def check_outcomes(outcomes: object, who: str) -> None:
