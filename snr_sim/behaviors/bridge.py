@@ -142,7 +142,7 @@ class Robot:
             )
         drive = self._drives[name]
         self._journal.append((name, self._commands[name], drive.page in self._changed))
-        self._commands[name] = min(drive.high, max(drive.low, float(value)))
+        self._commands[name] = drive.low if value <= drive.low else drive.high if value >= drive.high else float(value)
         self._changed[drive.page] = None
 
     def stop(self, *names: str) -> None:
@@ -216,7 +216,7 @@ class Part:
         """Return the newest value; None if there is none, or if it is too old."""
         reads: Read = self._reads
         data = self._owner.get_data(reads.page)
-        if data is None or self._owner.get_age_s(reads.page) > reads.fresh_s:
+        if data is None or (reads.fresh_s != math.inf and self._owner.get_age_s(reads.page) > reads.fresh_s):
             return None
         value = data[reads.field] if reads.field else data
         return value if value is None or reads.to is None else reads.to(value)

@@ -83,12 +83,12 @@ def same_state(old: MachineDef, new: MachineDef, name: str) -> str | None:
         return name
     gone = [one for one in old.states if one.name not in names]
     come = [one for one in new.states if one.name not in [other.name for other in old.states]]
-    if len(gone) == len(come) == 1 and _says(old, gone[0]) == _says(new, come[0]):
+    if len(gone) == len(come) == 1 and _content(old, gone[0]) == _content(new, come[0]):
         return come[0].name
     return None
 
 
-def _says(machine: MachineDef, state: StateDef) -> object:
+def _content(machine: MachineDef, state: StateDef) -> object:
     """Return what a state says, and the transitions of its machine, with the state's own name left out."""
     ends = [["" if end == state.name else end for end in (one.source, one.target)] for one in machine.transitions]
     return clauses_of(state), ends, [cause_of(one) for one in machine.transitions]

@@ -269,7 +269,7 @@ class Interpreter:
             self._leave(mover, source, held_ns)
             if arrow.effect is not None:
                 self._run(mover, arrow.effect)
-            mover.state = target = arrow.target
+            mover.state = target = mover.states[arrow.target]
             mover.since_ns = now_ns
             self._changes.append(
                 Change(now_ns, mover.path, arrow.kind, arrow.name, source.name, target.name, held_ns, arrow.line)

@@ -35,7 +35,7 @@ def rows(text: str) -> list[tuple[str, str, str]]:
     return [(one.what, one.name, one.how) for one in differences(parse(TEXT), parse(text))]
 
 
-def test_comments_lines_and_white_space_are_no_difference() -> None:
+def test_comments_lines_and_white_space_make_no_difference() -> None:
     moved = TEXT.replace("(machine m", "; a comment\n\n(machine m").replace("near > 0", " near>0 ")
     assert rows(moved) == []
 
@@ -61,7 +61,7 @@ def test_change_is_named(old: str, new: str, found: list[tuple[str, str, str]]) 
     assert rows(TEXT.replace(old, new)) == found
 
 
-def test_renamed_state_is_no_other_state() -> None:
+def test_renamed_state_is_named_as_renamed() -> None:
     text = TEXT.replace("(state c)", "(state away)").replace("b -> c", "b -> away").replace("eps c", "eps away")
     assert rows(text) == [("state", "c", "renamed to away")]
 

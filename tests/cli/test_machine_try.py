@@ -57,10 +57,10 @@ def test_changed_program_names_its_first_difference_and_its_states(
 
 
 def test_program_that_never_changes_its_state_again_is_named(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    deaf = run.parent / "deaf.lrp"
-    deaf.write_text(STOP.read_text().replace("40", "-1"))
+    sleeper = run.parent / "sleeper.lrp"
+    sleeper.write_text(STOP.read_text().replace("40", "-1"))
     with pytest.raises(typer.Exit):
-        machine("try", str(deaf), other=str(run), trust=True)
+        machine("try", str(sleeper), other=str(run), trust=True)
     assert "now: no further change of state" in capsys.readouterr().out
 
 
