@@ -145,13 +145,17 @@ class Interpreter:
     def spawn(self, now_ns: int) -> list[Change]:
         """Begin: enter the initial states of all machines at the top. Return the changes."""
         self._begin(now_ns, ())
+        self._spawn_top()
+        return self._changes
+
+    def _spawn_top(self) -> None:
+        """Spawn the machines at the top that do not run yet, and end the step."""
         for machine, initial in self._bound.top:
             if machine.state is None:
                 self._running.append(machine)
                 self._spawn(machine, initial)
         self._stop_failed()
         self._check_rules()
-        return self._changes
 
     def step(self, now_ns: int, signal: str | None = None, values: Sequence[Any] = ()) -> list[Change]:
         """Take one step; return the changes, in order.
@@ -435,13 +439,8 @@ class Interpreter:
             self._changes.append(Change(now_ns, machine.path, "edit", "edit", source, initial, held_ns, line))
             machine.state, machine.since_ns = machine.states[initial], now_ns
             self._enter(machine, machine.states[initial])
-        for machine, initial in new.top:
-            if machine.state is None:
-                self._running.append(machine)
-                self._spawn(machine, initial)
-        self._stop_failed()
         self._violated = set()
-        self._check_rules()
+        self._spawn_top()
         edited = Edited(
             [after.path for _, after, _ in made.kept],
             [after.path for _, after, _ in made.restarted],

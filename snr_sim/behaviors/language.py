@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -238,7 +238,7 @@ class _Language:
                     names = _merged(names, found)
         taken = names.machines
         names = self._with_variables(known, names, "")
-        own = self._machines(known)
+        own = {name: _Machine(form) for name, form in self._named(known, "machine")}
         names = replace(names, machines={**taken, **own})
         for one in own.values():
             one.names = names
@@ -353,14 +353,15 @@ class _Language:
         except Exception as error:
             raise self._notes.failed(code.place, f"{type(error).__name__}: {error}", "") from error
 
-    def _machines(self, forms: Iterable[Form]) -> dict[str, _Machine]:
-        found = dict[str, _Machine]()
-        for form in forms:
-            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "machine" else ():
-                if name in found:
-                    self._notes.add(form.items[1].place, f"There are two machines '{name}' here.", "rename one.")
-                found[name] = _Machine(form)
-        return found
+    def _named(self, forms: Iterable[Form], word: str) -> Iterator[tuple[str, Form]]:
+        """Yield the forms that begin with a word, each with its name; one of a name that is in use is noted."""
+        used = set[str]()
+        for form in (one for one in forms if first_word(one) == word):
+            for name in self._notes.tried(self._notes.name, form, 1):
+                if name in used:
+                    self._notes.add(form.items[1].place, f"There are two {word}s '{name}' here.", "rename one.")
+                used.add(name)
+                yield name, form
 
     # -- forms --------------------------------------------------------------------------------------------------------
 
@@ -426,7 +427,11 @@ class _Language:
         names = self._with_variables(forms, machine.names, scope)
         own = {key: value for key, value in names.values.items() if key not in machine.names.values}
         names = replace(names, values={**machine.names.values, **own})
-        events = self._events(forms, names)
+        events = {
+            word: event
+            for word, one in self._named(forms, "event")
+            for event in self._notes.tried(self._made_event, one, word, names)
+        }
         names = replace(names, events={**names.events, **events})
         states = [
             state for one in forms if first_word(one) == "state" for state in self._notes.tried(self._state, one, names)
@@ -455,16 +460,6 @@ class _Language:
             if isinstance(one, Form) and first_word(one) == "state" and len(one.items) > 1
         ]
 
-    def _events(self, forms: list[Form], names: _Names) -> dict[str, _Event]:
-        found = dict[str, _Event]()
-        for form in forms:
-            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "event" else ():
-                if name in found:
-                    self._notes.add(form.items[1].place, f"There are two events '{name}' here.", "rename one.")
-                for event in self._notes.tried(self._made_event, form, name, names):
-                    found[name] = event
-        return found
-
     def _made_event(self, form: Form, name: str, names: _Names) -> _Event:
         match form.items:
             case (_, _):
@@ -477,7 +472,7 @@ class _Language:
     def _state(self, form: Form, names: _Names) -> StateDef:
         name = self._notes.name(form, 1)
         forms = [one for one in self._notes.forms(form, 2) if self._notes.word(one, _IN_STATE, f"state '{name}'")]
-        machines = self._machines(forms)
+        machines = {one: _Machine(inner) for one, inner in self._named(forms, "machine")}
         names = replace(names, machines={**names.machines, **machines})
         for inner in machines.values():
             inner.names = names

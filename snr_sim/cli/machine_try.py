@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -34,7 +35,7 @@ def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> N
     from snr_sim.scenario.machine_edits import changes_of
 
     trace = trace_of(run)
-    then, left_out = list(changes_of(trace.records)), _edits_in(trace)
+    then, left_out = _ordered(changes_of(trace.records)), _edits_in(trace)
     if not then:
         raise ParameterError("This run has no state machine.", fix="name a run whose controller has one.")
     now = _changes_with(replace(trace, records=[one for one in trace.records if id(one) not in left_out]), file, trust)
@@ -54,7 +55,12 @@ def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> N
 
 
 def _key(change: Change) -> tuple[Any, ...]:
-    return tuple(change[name] for name in ("t_ns", "machine", "kind", "source", "target"))
+    return tuple(change.get(name) for name in ("t_ns", "machine", "kind", "source", "target"))  # a flow has no kind
+
+
+def _ordered(changes: Iterable[Change]) -> list[Change]:
+    """Return changes in the order of time and machine: nodes side by side have no common one."""
+    return sorted(changes, key=lambda one: (one["t_ns"], one["machine"]))
 
 
 def _edits_in(trace: Trace) -> set[int]:
@@ -78,7 +84,7 @@ def _changes_with(trace: Trace, file: str, trust: bool) -> list[Change]:
         config, _ = config_of_replay(trace, plan, file)
         roles = [node.removesuffix("_node") for node in trace.header.nodes]
         replays = [replay_node(trace, role, config, (), plan.files.begin_task) for role in roles]
-    return [change for one in replays for change in changes_of(one.records)]
+    return _ordered(change for one in replays for change in changes_of(one.records))
 
 
 def _print(
@@ -92,9 +98,8 @@ def _print(
         for when, change in zip(("recorded", "now"), first, strict=True):
             shown = "no further change of state"
             if change is not None:
-                shown = (
-                    f"{change['machine']}: {change['source'] or '-'} -> {change['target'] or '-'} ({change['name']})"
-                )
+                name = change.get("name") or change["outcome"]
+                shown = f"{change['machine']}: {change['source'] or '-'} -> {change['target'] or '-'} ({name})"
                 shown = f"t = {change['t_ns'] / 1e9:.4f} s  {shown}"
             print_text(f"{'first difference, ' if when == 'recorded' else ''}{when}: {shown}")
     for row in states:

@@ -27,13 +27,14 @@ import msgspec
 
 from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoopFactory
+from snr_sim.behaviors.flow.userdata import check_known
 from snr_sim.behaviors.interpreter import Interpreter
 from snr_sim.behaviors.processes.control_process import ControlProcess, ControlProcessFactory
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
@@ -185,12 +186,9 @@ class Reference(Endpoint):
         self.schedule([self._page_task()])
 
     def _check(self, name: str) -> None:
-        found = self._factories().get(name)
-        if found is None:
-            raise UnknownNameError(
-                f"'{self.name}' waits for '{name}', which is not a control process of this node.",
-                fix=suggest(name, self._factories()),
-            )
+        known = self._factories()
+        check_known(name, known, f"'{self.name}' waits for '{name}', which is not a control process of this node.")
+        found = known[name]
         if found.of != self.name:
             self._refuse_of(name, found.of)
         have, needed = found.states, self.factory.states
@@ -198,10 +196,8 @@ class Reference(Endpoint):
         surplus = [one for one in have if one not in needed]
         if missing or surplus:
             what = f"has no state '{missing[0]}'" if missing else f"has the state '{surplus[0]}'"
-            known = list(have) if missing else list(needed)
-            raise ConfigError(
-                f"Control process '{name}' {what}, unlike '{self.name}'.", fix=suggest((missing or surplus)[0], known)
-            )
+            fix = suggest((missing or surplus)[0], have if missing else needed)
+            raise ConfigError(f"Control process '{name}' {what}, unlike '{self.name}'.", fix=fix)
 
     def _refuse_of(self, name: str, of: str) -> NoReturn:
         what = f"Control process '{name}' has of='{of}', which is not the reference machine that it is to follow."
