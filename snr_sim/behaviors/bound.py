@@ -110,12 +110,12 @@ class BoundStates(dict[str, BoundState]):
 
     def __init__(self, machine: BoundMachine, evaluations: Evaluations | None) -> None:
         super().__init__()
-        self.inner: dict[str, list[Spawned]] = {}
+        self.nested: dict[str, list[Spawned]] = {}
         self._machine, self._evaluations = machine, evaluations
 
     def __missing__(self, name: str) -> BoundState:
         definition = self._machine.definition.by_name[name]
-        self[name] = state = BoundState(definition, self._machine, self.inner[name], self._evaluations)
+        self[name] = state = BoundState(definition, self._machine, self.nested[name], self._evaluations)
         return state
 
 
@@ -198,7 +198,7 @@ class BoundProgram:
         machine = BoundMachine(path, definition, parent, bindings, self._evaluations)
         self.machines[path] = machine
         for state in definition.states:
-            machine.states.inner[state.name] = [
+            machine.states.nested[state.name] = [
                 (self._build(f"{path}/{state.name}/{name}", one, machine, index), one.initial)
                 for name, one in with_names(state.spawns)
             ]

@@ -65,7 +65,9 @@ class Finding:
 def explore(program: Program) -> tuple[list[Finding], int]:
     """Return what was found in a program, in the order of its text, and how many configurations there are."""
     ways = _ways(program.spawns)
-    count = sum(_configurations(spawn.machine, name, ways) for name, spawn in with_names(program.spawns))  # exact
+    count = sum(
+        _configurations(spawn.machine, name, ways) for name, spawn in with_names(program.spawns)
+    )  # exact: integers
     return findings(program.spawns, ways), count
 
 
