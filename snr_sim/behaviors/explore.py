@@ -50,7 +50,7 @@ class Finding:
     name: str
     place: Place
     message: str
-    way: Way | None = field(default=None, compare=False)
+    way: Way | None = field(default=None, compare=False, repr=False)
 
     @property
     def word(self) -> tuple[str, ...]:
