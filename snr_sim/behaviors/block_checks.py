@@ -162,24 +162,13 @@ class BlockChecker:
         if not isinstance(node, _STATEMENTS):
             self._refuse(node)
             return
-        if isinstance(node, ast.Assign):
-            for target in node.targets:
-                self._check_target(target)
-            self._check(node.value)
-        elif isinstance(node, ast.AugAssign):
-            self._check_target(node.target)
-            self._check(node.value)
-        elif isinstance(node, ast.If):
-            self._check(node.test)
-            for one in (*node.body, *node.orelse):
-                self._check_statement(one)
-        elif isinstance(node, ast.For):
-            self._check_target(node.target)
-            self._check(node.iter)
-            for one in (*node.body, *node.orelse):
-                self._check_statement(one)
-        elif isinstance(node, ast.Expr):
-            self._check(node.value)
+        for target in (*getattr(node, "targets", ()), *([node.target] if hasattr(node, "target") else ())):
+            self._check_target(target)
+        for name in ("value", "test", "iter"):
+            if hasattr(node, name):
+                self._check(getattr(node, name))
+        for one in (*getattr(node, "body", ()), *getattr(node, "orelse", ())):
+            self._check_statement(one)
 
     def _check_target(self, node: ast.expr) -> None:
         if isinstance(node, ast.Tuple):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import warnings
 from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any, TypeAlias
 
@@ -75,7 +75,7 @@ class Scope:
 
 def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Block | None, list[Problem]]:
     """Return a block, and what is wrong with it or doubtful; None with an error."""
-    compiled = _compile(
+    block, found = _compile(
         text,
         place.column,
         kind,
@@ -86,17 +86,13 @@ def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Bl
     )
     problems = [
         Problem(Place(place.line + line, column, place.line + end_line, end_column), message, fix, is_error)
-        for line, column, end_line, end_column, message, fix, is_error in compiled.problems
+        for line, column, end_line, end_column, message, fix, is_error in found
     ]
-    if compiled.make is None:
+    if block is None:
         return None, problems
-    parts = partial(_parts, text, place, scope) if kind == "condition" else None
-    written = dedented(" " * (place.column - 1) + text).strip()
-    drives = frozenset(part for part, _ in compiled.commands if part)
-    return (
-        Block(written, place, compiled.make, drives, compiled.writes, bool(compiled.commands), parts),
-        problems,
-    )
+    return replace(
+        block, place=place, parts=partial(_parts, text, place, scope) if kind == "condition" else None
+    ), problems
 
 
 def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
@@ -114,20 +110,13 @@ def _parts(text: str, place: Place, scope: Scope) -> list[Block]:
 
 
 @dataclass(frozen=True)
-class _Compiled:
-    make: _Make | None
-    problems: tuple[Found, ...]
-    commands: frozenset[tuple[str, str]] = frozenset()  # part and function; part "" of robot.stop()
-    writes: frozenset[str] = frozenset()  # keys of variables
-
-
-@dataclass(frozen=True)
 class _Make:
     """Binds a block to its place. Equal ones do the same: their texts mean the same, and draw no random number."""
 
     meaning: object
     make: Callable[..., Callable[[Any], Any]] = field(compare=False)
     keys: tuple[str, ...]
+    code: str = field(compare=False)  # with that of the helpers that it calls
 
     def __call__(self, bindings: Bindings) -> Callable[[Any], Any]:
         """Return the function of the context."""
@@ -143,21 +132,26 @@ def _compile(
     definitions: tuple[tuple[str, Definition], ...],
     parts: tuple[tuple[str, tuple[str, ...]], ...] | None,
     actions: Actions,
-) -> _Compiled:
+) -> tuple[Block | None, tuple[Found, ...]]:
     """Compile a text once for all places where it means the same; lines of problems count from its first one."""
     arguments = {name: one.parameters for name, one in definitions}
     known = None if parts is None else {name: set(verbs) for name, verbs in parts}
     checker = BlockChecker(frozenset(dict(variables)), arguments, known, frozenset(dict(actions)))
     tree = checker.parse(text, column, kind)
     if tree is None or checker.has_errors:
-        return _Compiled(None, tuple(checker.problems))
-    commands = frozenset(one for one in checker.called if one[1] in ("start", "stop"))
-    keys = dict(variables)
-    writes = frozenset(keys[name] for name in stored_names(tree) if name in keys)
+        return None, tuple(checker.problems)
     if cost_of(tree, {name: one.cost for name, one in definitions}) > MAX_CODE:
         large = 0, column, 0, column, "The block and the helpers that it calls are too large.", "simplify them.", True
-        return _Compiled(None, (*checker.problems, large))
-    return _Compiled(_make(tree, variables, definitions, actions), tuple(checker.problems), commands, writes)
+        return None, (*checker.problems, large)
+    written = dedented(" " * (column - 1) + text).strip()
+    commands = {
+        one for one in checker.called if one[1] in ("start", "stop")
+    }  # part, which is "" of robot.stop(), and verb
+    keys = dict(variables)
+    writes = frozenset(keys[name] for name in stored_names(tree) if name in keys)
+    make = _make(tree, variables, definitions, actions)
+    drives = frozenset(part for part, _ in commands if part)
+    return Block(written, Place(), make, drives, writes, make.keys, bool(commands)), tuple(checker.problems)
 
 
 _HELPER_OF: dict[type[ast.operator], str] = {
@@ -378,7 +372,8 @@ def _make(
         code = compile(module, "<block>", "exec")
     exec(code, rewriter.known)
     meaning = object() if rewriter.is_random else (text, variables, definitions, actions)
-    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places))
+    whole = "; ".join([text, *(one.text for one in rewriter.helpers)])
+    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places), whole)
 
 
 def _expression(text: str) -> ast.expr:

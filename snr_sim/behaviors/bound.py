@@ -5,9 +5,9 @@ Nothing here is executed; what is made once here is not looked up in each step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Robot
 from snr_sim.behaviors.context import Variables, plain_value
@@ -61,37 +61,62 @@ class BoundState:
 
     __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain")
 
-    def __init__(self, definition: StateDef, bindings: Bindings, spawned: list[tuple[BoundMachine, str]]) -> None:
-        inner = iter(spawned)
+    def __init__(
+        self, definition: StateDef, machine: BoundMachine, inner: Iterable[Spawned], evaluations: Evaluations | None
+    ) -> None:
+        bindings, spawned = machine.bindings, iter(inner)
         self.name: str = definition.name
         # A block, and None; or None, and what is spawned.
-        self.enter: list[tuple[BoundBlock | None, tuple[BoundMachine, str] | None]] = [
-            (BoundBlock(one, bindings), None) if isinstance(one, Block) else (None, next(inner))
+        self.enter: list[tuple[BoundBlock | None, Spawned | None]] = [
+            (BoundBlock(one, bindings), None) if isinstance(one, Block) else (None, next(spawned))
             for one in definition.enter
         ]
         self.during: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.during]
         self.leave: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.leave]
-        self.plain: tuple[Row, ...] = ()
-        self.by_signal: dict[str, tuple[Row, ...]] = {}
-        self.chains: bool = False
+        own = list(machine.definition.transitions_of(definition.name))
+        rows = [(one.signal, _row(machine, one, evaluations)) for one in own]
+        self.plain: tuple[Row, ...] = tuple(row for signal, row in rows if signal is None)
+        # For each signal, the transitions without one, and its own.
+        self.by_signal: dict[str, tuple[Row, ...]] = {
+            given: tuple(row for signal, row in rows if signal in (None, given))
+            for given in dict.fromkeys(one.signal for one in own)
+            if given is not None
+        }
+        self.chains: bool = any(one.kind == "eps" for one in own)
 
 
 class BoundTransition:
-    """A transition as it runs; of an exit the target is a state of the machine around."""
+    """A transition as it runs; of an exit the target is the name of a state of the machine around."""
 
-    __slots__ = ("definition", "effect", "is_exit", "kind", "line", "name", "target")
+    __slots__ = ("cause", "definition", "effect", "is_exit", "kind", "line", "name", "target")
 
-    def __init__(self, definition: Transition, bindings: Bindings, target: BoundState) -> None:
+    def __init__(self, definition: Transition, bindings: Bindings) -> None:
         self.definition: Transition = definition
+        self.cause: Any = definition.condition or definition.after_ns  # the block that may raise, if there is one
         self.kind: Kind = definition.kind
         self.name: str = definition.name
         self.line: int = definition.place.line
         self.effect: BoundBlock | None = None if definition.effect is None else BoundBlock(definition.effect, bindings)
         self.is_exit: bool = definition.kind == "exit"
-        self.target: BoundState = target
+        self.target: str = definition.target
 
 
 Row = tuple[int | None, Callable[[Any], Any] | None, BoundTransition]
+Spawned: TypeAlias = "tuple[BoundMachine, str]"  # with its initial state
+
+
+class BoundStates(dict[str, BoundState]):
+    """The states of a machine, each bound when it is first entered: an edit of a large program binds only a few."""
+
+    def __init__(self, machine: BoundMachine, evaluations: Evaluations | None) -> None:
+        super().__init__()
+        self.nested: dict[str, list[Spawned]] = {}
+        self._machine, self._evaluations = machine, evaluations
+
+    def __missing__(self, name: str) -> BoundState:
+        definition = self._machine.definition.by_name[name]
+        self[name] = state = BoundState(definition, self._machine, self.nested[name], self._evaluations)
+        return state
 
 
 class BoundMachine:
@@ -99,13 +124,20 @@ class BoundMachine:
 
     __slots__ = ("bindings", "definition", "parent", "path", "running", "since_ns", "state", "states", "variables")
 
-    def __init__(self, path: str, definition: MachineDef, parent: BoundMachine | None, bindings: Bindings) -> None:
+    def __init__(
+        self,
+        path: str,
+        definition: MachineDef,
+        parent: BoundMachine | None,
+        bindings: Bindings,
+        evaluations: Evaluations | None,
+    ) -> None:
         self.path: str = path
         self.definition: MachineDef = definition
         self.parent: BoundMachine | None = parent
         self.bindings: Bindings = bindings
         self.variables: Variables = Variables(bindings.slots, bindings.index)
-        self.states: dict[str, BoundState] = {}
+        self.states: BoundStates = BoundStates(self, evaluations)
         self.state: BoundState | None = None  # None: it does not run
         self.since_ns: int = 0
         self.running: list[BoundMachine] = []  # inside its state, in the order in which they were spawned
@@ -139,13 +171,11 @@ class BoundProgram:
         self.places: dict[str, int] = {}
         self.first_values: dict[str, Any] = {}
         self.machines: dict[str, BoundMachine] = {}
-        self._robot, self._is_undone = robot, program.on_error != "fail"
+        self._robot, self._is_undone, self._evaluations = robot, program.on_error != "fail", evaluations
         index = self._declare(program.variables, "", {})
-        self.top: list[tuple[BoundMachine, str]] = [
+        self.top: list[Spawned] = [
             (self._build(name, spawn, None, index), spawn.initial) for name, spawn in with_names(program.spawns)
         ]
-        for one in self.machines.values():
-            _add_rows(one, evaluations)
         bindings = Bindings(self.slots, index, robot, self._is_undone)
         self.rules: list[tuple[Rule, Callable[[Any], Any] | None]] = [
             (rule, None if rule.condition is None else rule.condition.bind(bindings)) for rule in program.rules
@@ -164,36 +194,21 @@ class BoundProgram:
     def _build(self, path: str, spawn: Spawn, parent: BoundMachine | None, seen: Mapping[str, int]) -> BoundMachine:
         definition = spawn.machine
         index = self._declare(definition.variables, f"{path}.", seen)
-        machine = BoundMachine(path, definition, parent, Bindings(self.slots, index, self._robot, self._is_undone))
+        bindings = Bindings(self.slots, index, self._robot, self._is_undone)
+        machine = BoundMachine(path, definition, parent, bindings, self._evaluations)
         self.machines[path] = machine
         for state in definition.states:
-            inner = [
+            machine.states.nested[state.name] = [
                 (self._build(f"{path}/{state.name}/{name}", one, machine, index), one.initial)
                 for name, one in with_names(state.spawns)
             ]
-            machine.states[state.name] = BoundState(state, machine.bindings, inner)
         return machine
-
-
-def _add_rows(machine: BoundMachine, evaluations: Evaluations | None) -> None:
-    """Fill the tables of its states' transitions: those without a signal, and, for each signal, these with its own."""
-    for state in machine.states.values():
-        rows = [_row(machine, one, evaluations) for one in machine.definition.transitions_of(state.name)]
-        state.plain = tuple(row for row in rows if row[2].definition.signal is None)
-        state.by_signal = {
-            signal: tuple(row for row in rows if row[2].definition.signal in (None, signal))
-            for signal in {row[2].definition.signal for row in rows}
-            if signal is not None
-        }
-        state.chains = any(row[2].kind == "eps" for row in rows)
 
 
 def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations | None) -> Row:
     after, condition = transition.after_ns, transition.condition
-    mover = machine.parent if transition.kind == "exit" else machine
-    assert mover is not None  # see `exits_at_top`
     bindings = machine.bindings
-    arrow = BoundTransition(transition, bindings, mover.states[transition.target])
+    arrow = BoundTransition(transition, bindings)
     holds = None if condition is None else condition.bind(bindings)
     due = after.bind(bindings) if isinstance(after, Block) else after
     if evaluations is not None:

@@ -128,7 +128,7 @@ class Robot:
         self._is_held = False
         self._journal: list[tuple[str, float, bool]] = []  # since `mark`: the value before, and whether it is stored
         for name in bridge.parts:
-            setattr(self, name, Part(self, name, bridge.reads.get(name), bridge.drives.get(name), owner, in_state_s))
+            setattr(self, name, Part(self, name, bridge.reads.get(name), owner, in_state_s))
 
     def command(self, name: str, value: Any) -> None:
         """Command a part.
@@ -142,13 +142,13 @@ class Robot:
             )
         drive = self._drives[name]
         self._journal.append((name, self._commands[name], drive.page in self._changed))
-        self._commands[name] = min(drive.high, max(drive.low, float(value)))
+        self._commands[name] = drive.low if value <= drive.low else drive.high if value >= drive.high else float(value)
         self._changed[drive.page] = None
 
-    def stop(self) -> None:
-        """Command neutral to all parts."""
-        for name, drive in self._drives.items():
-            self.command(name, drive.neutral)
+    def stop(self, *names: str) -> None:
+        """Command neutral to parts; to all, if none is named."""
+        for name in names or self._drives:
+            self.command(name, self._drives[name].neutral)
 
     def mark(self) -> None:
         """Set the state to which `undo` returns."""
@@ -206,38 +206,27 @@ class Robot:
 
 
 class Part:
-    """A part of the robot in a program."""
+    """A part of the robot in a program. One that is only commanded has no `reads`, and no text can read it."""
 
-    def __init__(
-        self,
-        robot: Robot,
-        name: str,
-        reads: Read | None,
-        drives: Drive | None,
-        owner: Owner,
-        in_state_s: Callable[[], float],
-    ) -> None:
-        self._robot, self._name, self._reads, self._drives = robot, name, reads, drives
+    def __init__(self, robot: Robot, name: str, reads: Any, owner: Owner, in_state_s: Callable[[], float]) -> None:
+        self._robot, self._name, self._reads = robot, name, reads
         self._owner, self._in_state_s = owner, in_state_s
 
     def read(self) -> Any:
         """Return the newest value; None if there is none, or if it is too old."""
-        assert self._reads is not None
-        reads = self._reads
+        reads: Read = self._reads
         data = self._owner.get_data(reads.page)
-        if data is None or self._owner.get_age_s(reads.page) > reads.fresh_s:
+        if data is None or (reads.fresh_s != math.inf and self._owner.get_age_s(reads.page) > reads.fresh_s):
             return None
         value = data[reads.field] if reads.field else data
         return value if value is None or reads.to is None else reads.to(value)
 
     def age_ms(self) -> float:
         """Return how old the newest value is [ms]; infinite if there is none."""
-        assert self._reads is not None
         return 1000.0 * self._owner.get_age_s(self._reads.page)
 
     def read_since_entry(self) -> Any:
         """Return the newest value if it was made after the state was entered, otherwise None."""
-        assert self._reads is not None
         is_new = self._owner.get_age_s(self._reads.page) < self._in_state_s() - SAME_MOMENT_S
         return self.read() if is_new else None
 
@@ -247,5 +236,4 @@ class Part:
 
     def stop(self) -> None:
         """Command neutral."""
-        assert self._drives is not None
-        self._robot.command(self._name, self._drives.neutral)
+        self._robot.stop(self._name)

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from snr_sim.behaviors.explore import findings
 from snr_sim.behaviors.program import ANY, MachineDef, Problem, Spawn, StateDef
 from snr_sim.prelude.errors import suggest
 
 MAX_STATES = 10_000  # of a program, in all places of its machines
 MAX_LEVELS = 100  # of machines in states of machines
+_FIXES = {
+    "unreachable": "let a transition lead there, or leave it out.",
+    "hidden": "write it above that one, or leave one of them out.",
+    "eps_cycle": "a condition for one of these transitions.",
+    "dead_end": "let a transition leave it; a state that is the end can be named done.",
+}
 
 
 def problems_of(spawns: tuple[Spawn, ...]) -> list[Problem]:
@@ -18,8 +25,23 @@ def problems_of(spawns: tuple[Spawn, ...]) -> list[Problem]:
     if states > MAX_STATES or any(levels > MAX_LEVELS for _, levels in extents):
         what = f"The program has more than {MAX_STATES} states, or more than {MAX_LEVELS} levels of machines."
         return [Problem(spawns[0].place, what, "a machine counts as often as it is spawned: split the program.")]
-    found = [problem for spawn in spawns for problem in _problems(spawn, None)]
-    return sorted(found, key=lambda one: not one.is_error)
+    mistakes = [problem for spawn in spawns for problem in _problems(spawn, None)]
+    return mistakes or doubts_of(spawns)
+
+
+def doubts_of(spawns: tuple[Spawn, ...], *, also_ends: bool = False) -> list[Problem]:
+    """Return what is doubtful in machines without mistakes.
+
+    Args:
+        spawns: the machines.
+        also_ends: whether a state that cannot be left is doubtful: a machine that is run may be meant to end there.
+    """
+    kinds = {kind: fix for kind, fix in _FIXES.items() if also_ends or kind != "dead_end"}
+    return [
+        Problem(one.place, one.message, kinds[one.kind], is_error=False)
+        for one in findings(spawns)
+        if one.kind in kinds
+    ]
 
 
 def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
@@ -39,13 +61,6 @@ def _problems(spawn: Spawn, around: MachineDef | None) -> Iterator[Problem]:
             suggest(str(spawn.initial), names),
         )
     yield from _of_transitions(machine, names, around)
-    if all(one.target in names for one in machine.transitions if one.kind != "exit"):
-        reachable = _reachable(machine, spawn.initial)
-        for name in names:
-            if name not in reachable:
-                yield Problem(
-                    machine.place, f"No transition of '{machine.name}' leads to state '{name}'.", is_error=False
-                )
     for state in machine.states:
         for inner in state.spawns:
             yield from _problems(inner, machine)
@@ -82,19 +97,3 @@ def exits_at_top(spawns: tuple[Spawn, ...]) -> list[Problem]:
         for one in spawn.machine.transitions
         if one.kind == "exit"
     ]
-
-
-def _reachable(machine: MachineDef, initial: str) -> set[str]:
-    """Return the states that a chain of transitions can reach, and those that an exit from inside leads to."""
-    found, new = set[str](), [initial]
-    inside = {
-        state.name: {one.target for spawn in state.spawns for one in spawn.machine.transitions if one.kind == "exit"}
-        for state in machine.states
-    }
-    while new:
-        state = new.pop()
-        if state not in found:
-            found.add(state)
-            new += [one.target for one in machine.transitions_of(state) if one.kind != "exit"]
-            new += inside.get(state, ())
-    return found

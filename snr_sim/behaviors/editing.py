@@ -6,7 +6,6 @@ has changed keeps its identity: one state of the machine has gone, one is new, a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import msgspec
@@ -62,14 +61,14 @@ def _plan(old: BoundMachine, new: BoundMachine | None, initial: str, made: Plan)
         made.stopped.append(old)
         return
     assert old.state is not None
-    name = _same_state(old.definition, new.definition, old.state.name)
+    name = same_state(old.definition, new.definition, old.state.name)
     if name is None:
         made.restarted.append((old, new, initial))
         made.notes.append(f"State '{old.state.name}' of '{old.path}' has gone: it begins in '{initial}'.")
         return
     made.kept.append((old, new, name))
     before = f"{old.path}/{old.state.name}/"
-    spawned = {machine.path: (machine, first) for machine, first in _spawned(new, name)}
+    spawned = {one[0].path: one for _, one in new.states[name].enter if one is not None}
     for inner in old.running:
         path = f"{new.path}/{name}/{inner.path.removeprefix(before)}"
         machine, first = spawned.pop(path, (None, ""))
@@ -77,38 +76,42 @@ def _plan(old: BoundMachine, new: BoundMachine | None, initial: str, made: Plan)
     made.notes += [f"'{path}' is spawned at the next entry of '{name}'." for path in spawned]
 
 
-def _spawned(machine: BoundMachine, state: str) -> Iterator[tuple[BoundMachine, str]]:
-    for _, spawned in machine.states[state].enter:
-        if spawned is not None:
-            yield spawned
-
-
-def _same_state(old: MachineDef, new: MachineDef, name: str) -> str | None:
+def same_state(old: MachineDef, new: MachineDef, name: str) -> str | None:
     """Return the name in a new definition of a state of the old one; None if it has gone."""
     names = [one.name for one in new.states]
     if name in names:
         return name
     gone = [one for one in old.states if one.name not in names]
     come = [one for one in new.states if one.name not in [other.name for other in old.states]]
-    if len(gone) == len(come) == 1 and _clauses(old, gone[0], name) == _clauses(new, come[0], come[0].name):
+    if len(gone) == len(come) == 1 and _content(old, gone[0]) == _content(new, come[0]):
         return come[0].name
     return None
 
 
-def _clauses(machine: MachineDef, state: StateDef, name: str) -> object:
+def _content(machine: MachineDef, state: StateDef) -> object:
     """Return what a state says, and the transitions of its machine, with the state's own name left out."""
-    parts = [
-        [one.text if isinstance(one, Block) else (one.machine.name, one.initial) for one in blocks]
-        for blocks in (state.enter, state.during, state.leave)
-    ]
-    return parts, [_arrow(one, name) for one in machine.transitions]
+    ends = [["" if end == state.name else end for end in (one.source, one.target)] for one in machine.transitions]
+    return clauses_of(state), ends, [cause_of(one) for one in machine.transitions]
 
 
-def _arrow(one: Transition, name: str) -> object:
-    after = one.after_ns.text if isinstance(one.after_ns, Block) else one.after_ns
-    condition = None if one.condition is None else one.condition.text
-    ends = ["" if end == name else end for end in (one.source, one.target)]
-    return one.kind, ends, one.signal, condition, after
+def clauses_of(state: StateDef) -> dict[str, list[object]]:
+    """Return what a state does, by the words of LRP."""
+    rows = {"onentry": state.enter, "running": state.during, "onexit": state.leave}
+    return {
+        name: [code_of(one) if isinstance(one, Block) else (one.machine.name, one.initial) for one in blocks]
+        for name, blocks in rows.items()
+    }
+
+
+def cause_of(one: Transition) -> tuple[object, ...]:
+    """Return what a transition says but for its states and its name."""
+    after = code_of(one.after_ns) if isinstance(one.after_ns, Block) else one.after_ns
+    return one.kind, one.signal, code_of(one.condition), after, code_of(one.effect)
+
+
+def code_of(block: Block | None) -> str:
+    """Return what a block means, with the helpers that it calls; of a function in Python, its name."""
+    return "" if block is None else getattr(block.bind, "code", block.text)
 
 
 def values_after(old: BoundProgram, new: BoundProgram, renamed: dict[str, str]) -> list[str]:

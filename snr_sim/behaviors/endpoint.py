@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,10 +19,8 @@ import msgspec
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
-from snr_sim.behaviors.explain import Evaluations
-from snr_sim.behaviors.imports import files_named, texts_of
 from snr_sim.behaviors.interpreter import Change, Interpreter
-from snr_sim.behaviors.language import parse
+from snr_sim.behaviors.live_edit import LiveEdits, StaleEditError
 from snr_sim.behaviors.program import Place, Problem, Program, ProgramError, show_problem
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
@@ -45,15 +42,11 @@ def machine_parts(
     bridge: Bridge | None = None,
     path: Path | None = None,
 ) -> list[ComponentFactory]:
-    """Return the factories of a machine and of its clock, for a controller's `factories`.
+    """Return the factories of a machine and of its clock, for a controller's `factories`: see `MachineFactory`.
 
     Args:
-        program: what `machine(...)` or `parse(...)` returns.
-        name: of the component, of its page, and the beginning of its events' names.
+        program, name, reacts_to, bridge, path: of the machine.
         step_hz: how often it takes a step.
-        reacts_to: pages that cause a step as soon as they are stored.
-        bridge: the parts of the robot that a program in LRP names.
-        path: its file, which `--watch` reads again when it is saved.
     """
     made = MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge, path=path)
     return [StepLoopFactory(name, step_hz), made]
@@ -123,7 +116,6 @@ class MachineFactory(EndpointFactory):
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
         self.name: str = name
-        self.evaluations: Evaluations | None = None  # of a replay that explains the machine
         self.reacts_to: tuple[DataKey, ...] = (reacts_to,) if isinstance(reacts_to, str) else tuple(reacts_to)
 
     def get(self, parent: NodeApi) -> MachineEndpoint:
@@ -131,8 +123,7 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
-# That no other component needs.
-EVENTS = ("transition", "log", "step", "set", "pause", "step_once", "go", "edit", "edit_file")
+HANDLED = ("step", "set", "pause", "step_once", "go", "edit", "edit_file")  # events, besides its signals
 STEP_ONCE_NS = 10_000_000  # by which the time of a machine that is paused advances in a single step
 
 
@@ -180,64 +171,36 @@ class MachineEndpoint(Endpoint):
     def __init__(self, factory: MachineFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         owner: Owner = self
-        self.interpreter: Interpreter = Interpreter(
-            factory.program, owner, bridge=factory.bridge, rng=self.rng, evaluations=factory.evaluations
-        )
+        self.interpreter: Interpreter = Interpreter(factory.program, owner, bridge=factory.bridge, rng=self.rng)
         self.is_paused: bool = False
         self.program_number: int = 1
         # Changes and answered edits, each with the number of the program then, for a reader on another thread.
         self.recent: deque[tuple[int, Change | EditAnswer]] | None = None
         self._paused_ns = 0
         self._transition = f"{name}.transition"
-        self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
+        # That no other component needs.
+        self.optional_events: Collection[str] = [f"{name}.{what}" for what in ("transition", "log", *HANDLED)]
         self._last: Change | None = None
-        self._files: dict[str, str] = dict(factory.program.files)  # all that were given, also those not imported now
-        self._named_files: set[str] = set()  # that the texts import which were saved last, whether they exist or not
+        self._edits = LiveEdits(name, factory.program, factory.bridge, factory.path)
         self._set_handlers()
 
     @property
     def watched_files(self) -> Mapping[Path, Callable[[], SomeTasks]]:
         """The program's file, and those that it imports or takes actions of."""
         path, now = self.factory.path, self.interpreter.program
-        if path is None:
-            return {}
-        found: dict[Path, Callable[[], SomeTasks]] = {path.parent / one: self._saved_actions for one in now.actions}
-        return found | {path.parent / one: self._saved for one in (path.name, *now.files, *self._named_files)}
-
-    def _saved(self) -> Task:
-        """Return the edit by the files as they are. The watch parses it, and the node finds what was parsed."""
-        path = self.factory.path
-        assert path is not None
-
-        def read_text(name: str) -> str | None:
-            one = folder / name
-            return one.read_text("utf-8", "replace") if one.is_file() else None
-
-        folder, text = path.parent, path.read_text("utf-8", "replace")
-        files = texts_of(text, read_text)
-        self._named_files = {name for one in (text, *files.values()) for name in files_named(one)[0]}
-        with suppress(ProgramError):
-            self._parse(text, files)
-        return tasks.event(f"{self.name}.edit", [text, "", files])
+        found: dict[Path, Callable[[], SomeTasks]] = dict.fromkeys(self._edits.watched_files(now), self._edits.saved)
+        return found if path is None else {path.parent / one: self._saved_actions for one in now.actions} | found
 
     def _saved_actions(self) -> Task:
         text = "Functions of (actions ...) were saved: they count from the next start."
-        return self._edited([Problem(Place(), text, "start the run again.")])
+        return self._answer([Problem(Place(), text, "start the run again.")], None, "")
 
     def _set_handlers(self) -> None:
         """Handle the signals of the present program, and what is always handled."""
         name = self.name
         handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in self.factory.reacts_to}
         handlers |= {(TaskType.event, signal): self.on_signal for signal in self.interpreter.program.signals()}
-        handlers |= {
-            (TaskType.event, f"{name}.step"): self.on_step,
-            (TaskType.event, f"{name}.set"): self.on_set,
-            (TaskType.event, f"{name}.pause"): self.on_pause,
-            (TaskType.event, f"{name}.step_once"): self.on_step_once,
-            (TaskType.event, f"{name}.go"): self.on_go,
-            (TaskType.event, f"{name}.edit"): self.on_edit,
-            (TaskType.event, f"{name}.edit_file"): self.on_edit_file,
-        }
+        handlers |= {(TaskType.event, f"{name}.{what}"): getattr(self, f"on_{what}") for what in HANDLED}
         self.task_handlers = handlers
 
     def begin(self) -> None:
@@ -317,68 +280,42 @@ class MachineEndpoint(Endpoint):
 
     def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue with another text, if it is a program."""
-        return self._answered(task, self._edit(task))
+        return self._continue_with(task, self._edits.program_of, str(task.val_list[0]) if task.val_list else "")
 
     def on_edit_file(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue with another text of a file that the program imports."""
-        return self._answered(task, self._edit_file(task))
+        return self._continue_with(task, self._edits.program_with_file, self.interpreter.program.text)
 
-    def _answered(self, task: Task, done: list[Task]) -> list[Task]:
-        """Return what an edit causes; its last task stores the answer."""
+    def _continue_with(self, task: Task, read: Callable[[Task, Program], Program], text: str) -> list[Task]:
+        """Return what an edit causes; its last task stores the answer. Problems are in `text`."""
+        now = self.interpreter.program
+        try:
+            program = read(task, now)
+            edited, changes = self.interpreter.edit(program, self._now_ns())
+        except ProgramError as error:
+            present = {"text": now.text} if isinstance(error, StaleEditError) else {}
+            done = [self._answer(error.problems, None, text, **present)]
+        else:
+            self.program_number += 1
+            self._set_handlers()
+            done = [*self._results(changes, has_changed=True), self._answer(program.warnings, edited, text)]
         if self.recent is not None:
-            text, answer = (*task.val_list, None)[0], done[-1].val_list[0].data
-            now_s = self.get_time_s()
-            self.recent.append((self.program_number, EditAnswer(text, answer, self.interpreter.program, now_s)))
+            given, answer = (*task.val_list, None)[0], done[-1].val_list[0].data
+            row = EditAnswer(given, answer, self.interpreter.program, self.get_time_s())
+            self.recent.append((self.program_number, row))
         return done
 
-    def _edit(self, task: Task) -> list[Task]:
-        text, base, files = (*task.val_list, *("", "", None)[len(task.val_list) :])[:3]
-        now = self.interpreter.program
-        files = self._files if files is None else files
-        if not isinstance(text, str) or not isinstance(base, str) or not _are_texts(files):
-            return [self._edited([Problem(Place(), "The edit is not text.", f"{task.name} [text, sha256].")])]
-        if base not in ("", now.sha256):
-            stale = Problem(Place(), "Another edit came first.", "edit the present text.")
-            return [self._edited([stale], present=now.text)]
-        return self._continue_with(text, files)
-
-    def _edit_file(self, task: Task) -> list[Task]:
-        text, file = (*task.val_list, "", "")[:2]
-        now = self.interpreter.program
-        if not isinstance(text, str) or not isinstance(file, str) or file not in now.files:
-            unknown = Problem(Place(), f"The program imports no file {file!r:.80}.", f"{task.name} [text, file].")
-            return [self._edited([unknown])]
-        return self._continue_with(now.text, {**now.files, file: text})
-
-    def _continue_with(self, text: str, files: Mapping[str, str]) -> list[Task]:
-        try:
-            program = self._parse(text, files)
-        except ProgramError as error:
-            return [self._edited(error.problems, text=text)]
-        self._files |= files
-        edited, changes = self.interpreter.edit(program, self._now_ns())
-        self.program_number += 1
-        self._set_handlers()
-        changed = self._results(changes, has_changed=True)
-        return [*changed, self._edited(program.warnings, edited, text=text)]
-
-    def _parse(self, text: str, files: Mapping[str, str]) -> Program:
-        bridge = self.factory.bridge
-        return parse(text, {} if bridge is None else bridge.parts, files, self.factory.program.actions)
-
-    def _edited(
-        self, problems: Sequence[Problem], edited: Edited | None = None, *, text: str = "", present: str | None = None
-    ) -> Task:
+    def _answer(self, problems: Sequence[Problem], edited: Edited | None, source: str, **more: str) -> Task:
         """Return the task that stores the answer to an edit; log it.
 
         Args:
             problems: of the edit.
             edited: what it did; None if it was refused.
-            text: in which the problems are.
-            present: the text that was to be edited, for an edit of another one.
+            source: the text in which the problems are.
+            more: fields of the answer.
         """
         for one in problems:
-            shown = show_problem(one, self.name, text.splitlines())
+            shown = show_problem(one, self.name, source.splitlines())
             self.log.log(logging.WARNING if one.is_error else logging.INFO, "%s", shown)
         if edited is None:
             self.log.warning("%s: program %s continues.", self.name, self.program_number)
@@ -392,7 +329,7 @@ class MachineEndpoint(Endpoint):
             "sha256": self.interpreter.program.sha256,
             "problems": [{**asdict(one.place), "message": one.message, "fix": one.fix} for one in problems],
             **msgspec.structs.asdict(edited or Edited()),
-            **({} if present is None else {"text": present}),
+            **more,
         }
         return self.store_data_task(f"{self.name}.edited", answer)
 
@@ -436,7 +373,3 @@ class MachineEndpoint(Endpoint):
             "ignored": sum(interpreter.ignored.values()),  # exact: integers
             "is_paused": self.is_paused,
         }
-
-
-def _are_texts(files: object) -> bool:
-    return isinstance(files, Mapping) and all(isinstance(text, str) for row in files.items() for text in row)

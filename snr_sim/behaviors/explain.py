@@ -6,6 +6,7 @@ its parts can be evaluated once more; but for random numbers, which would change
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -31,8 +32,8 @@ class Evaluation(msgspec.Struct, frozen=True):
         elapsed_ns: time in the state.
         after_ns: least time; None without one.
         is_true: whether it was taken.
-        values: of the parts of its condition, as text.
         error: of the condition; empty without one.
+        values: of the parts of its condition, as text.
     """
 
     t_ns: int
@@ -45,8 +46,8 @@ class Evaluation(msgspec.Struct, frozen=True):
     elapsed_ns: int
     after_ns: int | None
     is_true: bool
-    values: dict[str, str]
     error: str = ""
+    values: dict[str, str] = {}
 
 
 @dataclass
@@ -57,25 +58,22 @@ class EvaluationLog:
         from_ns, until_ns: the interval, inclusive.
         machine: path of the machine; empty for all.
         target: only transitions to this state; empty for all.
-        has_values: whether the values of conditions' parts are kept.
     """
 
     from_ns: int
     until_ns: int
     machine: str = ""
     target: str = ""
-    has_values: bool = True
     found: list[Evaluation] = field(default_factory=list)
     left_out: int = 0  # more than are kept
 
-    def is_selected(self, t_ns: int, machine: str, target: str) -> bool:
-        """Return whether an evaluation is to be kept."""
-        return self.from_ns <= t_ns <= self.until_ns and self.machine in ("", machine) and self.target in ("", target)
-
-    def keep(self, one: Evaluation) -> None:
-        """Keep an evaluation."""
+    def keep(self, one: Evaluation, values: Callable[[], dict[str, str]]) -> None:
+        """Keep an evaluation, if it is selected, with its values."""
+        is_selected = self.machine in ("", one.machine) and self.target in ("", one.target)
+        if not (is_selected and self.from_ns <= one.t_ns <= self.until_ns):
+            return
         if len(self.found) < MAX_EVALUATIONS:
-            self.found.append(one)
+            self.found.append(msgspec.structs.replace(one, values=values()))
         else:
             self.left_out += 1
 
@@ -83,13 +81,8 @@ class EvaluationLog:
 class Evaluations(Protocol):
     """What takes evaluations: an `EvaluationLog`, or a count of them."""
 
-    has_values: bool
-
-    def is_selected(self, t_ns: int, machine: str, target: str) -> bool:
-        """Return whether an evaluation is to be kept."""
-
-    def keep(self, one: Evaluation) -> None:
-        """Keep an evaluation."""
+    def keep(self, one: Evaluation, values: Callable[[], dict[str, str]]) -> None:
+        """Keep an evaluation; `values` returns those of the parts of its condition."""
 
 
 _of_program: ContextVar[Callable[[Program], Evaluations] | None] = ContextVar("_of_program", default=None)
@@ -124,8 +117,14 @@ def watched(
     evaluations: Evaluations,
 ) -> Callable[[Any], bool]:
     """Return the condition of a transition, with its time, and logs each evaluation."""
-    blocks = (definition.after_ns, definition.condition) if evaluations.has_values else ()
-    parts = [part for one in blocks if isinstance(one, Block) for part in parts_of(one, bindings)]
+    parts: list[tuple[str, Callable[[Any], Any]]] | None = None  # bound when they are asked for
+
+    def values(context: Any) -> dict[str, str]:
+        nonlocal parts
+        if parts is None:
+            blocks = [one for one in (definition.after_ns, definition.condition) if isinstance(one, Block)]
+            parts = [(part.text, part.bind(bindings)) for one in blocks if one.parts for part in one.parts()]
+        return {text: _value(part, context) for text, part in parts}
 
     def condition(context: Any) -> bool:
         elapsed_ns = context.now_ns - machine.since_ns
@@ -138,33 +137,18 @@ def watched(
             is_true = is_due and (holds is None or bool(holds(context)))
         except Exception as raised:
             error = raised
-        if evaluations.is_selected(context.now_ns, machine.path, definition.target):
-            evaluations.keep(
-                Evaluation(
-                    context.now_ns,
-                    machine.path,
-                    machine.state.name,
-                    definition.name,
-                    definition.kind,
-                    definition.target,
-                    definition.place.line,
-                    elapsed_ns,
-                    after_ns,
-                    is_true,
-                    {text: _value(part, context) for text, part in parts},
-                    "" if error is None else f"{type(error).__name__}: {error}",
-                )
-            )
+        shown = "" if error is None else f"{type(error).__name__}: {error}"
+        one = definition
+        evaluation = Evaluation(
+            context.now_ns, machine.path, machine.state.name, one.name, one.kind, one.target, one.place.line,
+            elapsed_ns, after_ns, is_true, shown,
+        )  # fmt: skip
+        evaluations.keep(evaluation, lambda: values(context))
         if error is not None:
             raise error
         return is_true
 
     return condition
-
-
-def parts_of(block: Block, bindings: Bindings) -> list[tuple[str, Callable[[Any], Any]]]:
-    """Return the parts of a condition in text, each with what evaluates it."""
-    return [] if block.parts is None else [(one.text, one.bind(bindings)) for one in block.parts()]
 
 
 def _value(part: Callable[[Any], Any], context: Any) -> str:
@@ -184,29 +168,26 @@ def summary(found: list[Evaluation]) -> list[dict[str, Any]]:
 
     Values that are numbers are given as "from ... to ..."; of others, up to four different ones.
     """
-    rows: dict[tuple[str, str, str, int], dict[str, Any]] = {}
-    values: dict[tuple[str, str, str, int], dict[str, dict[str, None]]] = {}
+    groups: dict[tuple[str, str, str, int], list[Evaluation]] = {}
     for one in found:
-        key = one.machine, one.state, one.transition, one.line
-        row = rows.setdefault(
-            key,
-            {
-                "machine": one.machine, "state": one.state, "transition": one.transition, "target": one.target,
-                "line": one.line, "evaluated": 0, "taken": 0, "longest_s": 0.0,
-                "after_s": None, "errors": {},
-            },
-        )  # fmt: skip
-        row["after_s"] = None if one.after_ns is None else one.after_ns / 1e9  # the newest, if a variable gives it
-        row["evaluated"] += 1
-        row["taken"] += one.is_true
-        row["longest_s"] = max(row["longest_s"], one.elapsed_ns / 1e9)
-        if one.error:
-            row["errors"][one.error] = row["errors"].get(one.error, 0) + 1
+        groups.setdefault((one.machine, one.state, one.transition, one.line), []).append(one)
+    return [_row(group) for group in groups.values()]
+
+
+def _row(group: list[Evaluation]) -> dict[str, Any]:
+    first, after_ns = group[0], group[-1].after_ns  # the newest, if a variable gives it
+    values: dict[str, dict[str, None]] = {}
+    for one in group:
         for text, value in one.values.items():
-            values.setdefault(key, {}).setdefault(text, {})[value] = None
-    for key, row in rows.items():
-        row["values"] = {text: _range(list(seen)) for text, seen in values.get(key, {}).items()}
-    return list(rows.values())
+            values.setdefault(text, {})[value] = None
+    return {
+        "machine": first.machine, "state": first.state, "transition": first.transition, "target": first.target,
+        "line": first.line, "evaluated": len(group), "taken": [one.is_true for one in group].count(True),
+        "longest_s": max(one.elapsed_ns for one in group) / 1e9,
+        "after_s": None if after_ns is None else after_ns / 1e9,
+        "errors": dict(Counter(one.error for one in group if one.error)),
+        "values": {text: _range(list(seen)) for text, seen in values.items()},
+    }  # fmt: skip
 
 
 def _range(seen: list[str]) -> str:

@@ -1,9 +1,10 @@
-"""What a program can do at all: a search through the states of its machines, without a robot.
+"""What machines can do at all: a search through their states, without a robot.
 
 Each signal, condition and time-out may come at any moment; values of variables and readings are not followed. So a
 state that the search does not reach cannot be reached in any run; one that it reaches may still be out of reach for the
-physics, or for what the variables are then. Machines that run side by side at the top are searched one by one.
+physics, or for what the variables are then.
 
+Machines side by side do not hold each other up, so each is searched by itself, in the states in which it runs.
 Time-outs of one state are compared by their numbers: one that is due no earlier than another one above it never fires.
 """
 
@@ -11,17 +12,24 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, field
+from math import prod
+from typing import NamedTuple
 
-from snr_sim.behaviors.program import MachineDef, Place, Program, Spawn, StateDef, Transition, with_names
+from snr_sim.behaviors.program import MachineDef, Place, Program, Spawn, Transition, with_names
 
-MAX_CONFIGURATIONS = 100_000
 # Names of states that are meant to be the last.
 ENDS = ("done", "end", "ended", "stop", "stopped", "finished", "landed", "failed", "off", "home")
 
-# The state of a machine, and the configurations of the machines inside it.
-Configuration: TypeAlias = "tuple[str, tuple[Configuration, ...]]"
+
+class Way(NamedTuple):
+    """How a state is reached: the name of a transition, and the way to the state before it."""
+
+    before: Way | None
+    name: str
+
+
+Ways = dict[tuple[str, str], Way | None]  # by path of the machine and state; None: it begins there
 
 
 @dataclass(frozen=True)
@@ -29,12 +37,12 @@ class Finding:
     """Something that may be a mistake.
 
     Args:
-        kind: 'unreachable', 'dead_end', 'hidden', 'eps_cycle', 'only_time' or 'unfinished'.
+        kind: 'unreachable', 'dead_end', 'hidden', 'eps_cycle' or 'only_time'.
         machine: path of the machine.
         name: of the state or the transition.
         place: of it in the program.
         message: what was found.
-        word: names of the transitions that lead there; empty at the start, and of what cannot be reached.
+        way: to the state; None at the start, and of what cannot be reached.
     """
 
     kind: str
@@ -42,143 +50,124 @@ class Finding:
     name: str
     place: Place
     message: str
-    word: tuple[str, ...] = ()
+    way: Way | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def word(self) -> tuple[str, ...]:
+        """Names of the transitions that lead there, as few as possible."""
+        names, way = list[str](), self.way
+        while way is not None:
+            names.append(way.name)
+            way = way.before
+        return tuple(reversed(names))
 
 
 def explore(program: Program) -> tuple[list[Finding], int]:
     """Return what was found in a program, in the order of its text, and how many configurations there are."""
-    found: list[Finding] = []
-    count = 0
-    for name, spawn in with_names(program.spawns):
-        words, size, is_whole = _search(spawn, name)
-        count += size
-        if not is_whole:
-            found.append(
-                Finding(
-                    "unfinished", name, name, spawn.place,
-                    f"More than {MAX_CONFIGURATIONS} configurations: what was not reached is not reported.",
-                )
-            )  # fmt: skip
-        found += _findings(spawn, name, words, is_whole, has_way_out=False)
-    return sorted(found, key=lambda one: (one.place.line, one.place.column)), count
+    ways = _ways(program.spawns)
+    count = sum(
+        _configurations(spawn.machine, name, ways) for name, spawn in with_names(program.spawns)
+    )  # exact: integers
+    return findings(program.spawns, ways), count
+
+
+def findings(spawns: tuple[Spawn, ...], ways: Ways | None = None) -> list[Finding]:
+    """Return what was found in machines that run side by side, in the order of the text."""
+    ways = _ways(spawns) if ways is None else ways
+    found = [
+        one for name, spawn in with_names(spawns) for one in _findings(spawn.machine, name, ways, has_way_out=False)
+    ]
+    return sorted(found, key=lambda one: (one.place.line, one.place.column))
 
 
 # -- the search -------------------------------------------------------------------------------------------------------
 
 
-def _search(spawn: Spawn, name: str) -> tuple[dict[tuple[str, str], tuple[str, ...]], int, bool]:
-    """Return the shortest word to each state, by path of the machine and name; the number of configurations; and
-    whether that is all of them."""
-    machine = spawn.machine
-    begin: Configuration = spawn.initial, _inside(machine, spawn.initial)
-    words: dict[tuple[str, str], tuple[str, ...]] = {}
-    before: dict[Configuration, tuple[str, ...]] = {begin: ()}
-    left = deque([begin])
+class _At(NamedTuple):
+    """A machine at its place, and the one around it."""
+
+    path: str
+    machine: MachineDef
+    around: _At | None
+
+
+def _ways(spawns: tuple[Spawn, ...]) -> Ways:
+    """Return the shortest way to each state that can be reached."""
+    found: Ways = {}
+    left: deque[tuple[_At, str, Way | None]] = deque(
+        (_At(name, spawn.machine, None), spawn.initial, None) for name, spawn in with_names(spawns)
+    )
+    expected = set[tuple[str, str]]()  # those that a transition leads to
     while left:
-        configuration = left.popleft()
-        word = before[configuration]
-        for key in _states_in(machine, configuration, name):
-            words.setdefault(key, word)
-        for label, following, _ in _moves(machine, configuration):
-            if following is not None and following not in before:
-                if len(before) >= MAX_CONFIGURATIONS:
-                    return words, len(before), False
-                before[following] = (*word, label)
-                left.append(following)
-    return words, len(before), True
+        at, name, way = left.popleft()
+        if (at.path, name) in found:
+            continue
+        found[at.path, name] = way
+        for one in at.machine.transitions_of(name):
+            to = at.around if one.kind == "exit" else at
+            if to is not None and (to.path, one.target) not in expected:
+                expected.add((to.path, one.target))
+                left.append((to, one.target, Way(way, one.name)))
+        left.extendleft(  # first, as no transition is needed
+            (_At(f"{at.path}/{name}/{inner}", spawn.machine, at), spawn.initial, way)
+            for inner, spawn in with_names(at.machine.by_name[name].spawns)
+        )
+    return found
 
 
-def _inside(machine: MachineDef, state: str) -> tuple[Configuration, ...]:
-    """Return the configurations in which the machines inside a state begin."""
-    return tuple((one.initial, _inside(one.machine, one.initial)) for one in _state(machine, state).spawns)
-
-
-def _state(machine: MachineDef, name: str) -> StateDef:
-    return next(one for one in machine.states if one.name == name)
-
-
-def _states_in(machine: MachineDef, configuration: Configuration, path: str) -> Iterator[tuple[str, str]]:
-    state, inside = configuration
-    yield path, state
-    for (name, spawn), inner in zip(with_names(_state(machine, state).spawns), inside, strict=True):
-        yield from _states_in(spawn.machine, inner, f"{path}/{state}/{name}")
-
-
-def _moves(machine: MachineDef, configuration: Configuration) -> Iterator[tuple[str, Configuration | None, str | None]]:
-    """Yield each transition: its name, the configuration after it, and of an exit the state around that it leads to."""
-    state, inside = configuration
-    for one in machine.transitions_of(state):
-        if one.kind == "exit":
-            yield one.name, None, one.target
-        else:
-            yield one.name, (one.target, _inside(machine, one.target)), None
-    for i, (spawn, inner) in enumerate(zip(_state(machine, state).spawns, inside, strict=True)):
-        for label, following, target in _moves(spawn.machine, inner):
-            if target is not None:
-                yield label, (target, _inside(machine, target)), None
-            elif following is not None:
-                yield label, (state, (*inside[:i], following, *inside[i + 1 :])), None
+def _configurations(machine: MachineDef, path: str, ways: Ways) -> int:
+    """Return in how many ways a machine and those inside it can be in their states."""
+    reached = [one for one in machine.states if (path, one.name) in ways]
+    inside = [[(f"{path}/{one.name}/{name}", spawn) for name, spawn in with_names(one.spawns)] for one in reached]
+    return sum(prod(_configurations(spawn.machine, at, ways) for at, spawn in row) for row in inside)  # exact: integers
 
 
 # -- what it says -----------------------------------------------------------------------------------------------------
 
 
-def _findings(
-    spawn: Spawn, path: str, words: dict[tuple[str, str], tuple[str, ...]], is_whole: bool, *, has_way_out: bool
-) -> Iterator[Finding]:
+def _findings(machine: MachineDef, path: str, ways: Ways, *, has_way_out: bool) -> Iterator[Finding]:
     """Yield what was found in a machine and in those inside its states.
 
     Args:
-        spawn: the machine, at its place.
+        machine: at its place.
         path: of it.
-        words: to the states that are reached.
-        is_whole: whether the search looked at everything.
+        ways: to the states that are reached.
         has_way_out: whether the state around it can be left.
     """
-    machine = spawn.machine
     yield from _eps_cycles(machine, path)
     for state in machine.states:
-        word = words.get((path, state.name))
-        own = list(machine.transitions_of(state.name))
-        if word is None:
-            if is_whole:
-                message = f"No run can reach state '{state.name}'."
-                yield Finding("unreachable", path, state.name, state.place, message)
+        if (path, state.name) not in ways:
+            yield Finding("unreachable", path, state.name, state.place, f"No run can reach state '{state.name}'.")
             continue
+        way, own = ways[path, state.name], list(machine.transitions_of(state.name))
         can_leave = bool(own) or has_way_out
         exits = any(one.kind == "exit" for inner in state.spawns for one in inner.machine.transitions)
         if not (can_leave or exits or state.name.lower() in ENDS):
             message = f"State '{state.name}' cannot be left."
-            yield Finding("dead_end", path, state.name, state.place, message, word)
+            yield Finding("dead_end", path, state.name, state.place, message, way)
         elif own and not exits and not has_way_out and all(one.kind == "ontime" for one in own):
             message = f"Only time leaves state '{state.name}': no event can end it earlier."
-            yield Finding("only_time", path, state.name, state.place, message, word)
-        yield from _hidden(own, path, word)
-        for name, inner in with_names(state.spawns):
-            yield from _findings(inner, f"{path}/{state.name}/{name}", words, is_whole, has_way_out=can_leave)
-
-
-def _hidden(own: list[Transition], path: str, word: tuple[str, ...]) -> Iterator[Finding]:
-    """Yield the transitions of a state that one above them always comes before."""
-    for i, one in enumerate(own):
-        above = next((other for other in own[:i] if _hides(other, one)), None)
-        if above is not None:
+            yield Finding("only_time", path, state.name, state.place, message, way)
+        for one, above in _hidden(own):
             message = f"Transition '{one.name}' is never taken: '{above.name}' in line {above.place.line} comes first."
-            yield Finding("hidden", path, one.name, one.place, message, word)
+            yield Finding("hidden", path, one.name, one.place, message, way)
+        for name, inner in with_names(state.spawns):
+            yield from _findings(inner.machine, f"{path}/{state.name}/{name}", ways, has_way_out=can_leave)
 
 
-def _hides(above: Transition, one: Transition) -> bool:
-    """Return whether a transition is given whenever another one, which is tried later, is."""
-    if above.signal is not None and above.signal != one.signal:
-        return False
-    if above.condition is not None and (one.condition is None or above.condition.bind != one.condition.bind):
-        return False
-    if above.after_ns is None:
-        return True
-    both = isinstance(above.after_ns, int), isinstance(one.after_ns, int)
-    if all(both):
-        return above.after_ns <= one.after_ns  # type: ignore[operator]
-    return False
+def _hidden(own: list[Transition]) -> Iterator[tuple[Transition, Transition]]:
+    """Yield the transitions of a state that one above them always comes before, with that one."""
+    earliest: dict[tuple[object, object], tuple[int, int, Transition]] = {}  # by signal and condition: time, index
+    for i, one in enumerate(own):
+        bind = None if one.condition is None else one.condition.bind
+        time = one.after_ns if isinstance(one.after_ns, int) else 0 if one.after_ns is None else None
+        causes = {(signal, holds) for signal in (None, one.signal) for holds in (None, bind)}
+        rows = [earliest[cause] for cause in causes if cause in earliest]
+        above = [row for row in rows if row[0] <= (time or 0)]
+        if above:
+            yield one, min(above, key=lambda row: row[1])[2]
+        elif time is not None:  # of a time that is computed nothing is known
+            earliest[one.signal, bind] = time, i, one
 
 
 def _eps_cycles(machine: MachineDef, path: str) -> Iterator[Finding]:
@@ -192,18 +181,18 @@ def _eps_cycles(machine: MachineDef, path: str) -> Iterator[Finding]:
     for begin in machine.states:
         if begin.name in reported:
             continue
-        before: dict[str, Transition] = {}  # by its target, the first transition that leads there
+        before: dict[str, tuple[str, Transition]] = {}  # by its target, the first that leads there, and from where
         left = [begin.name]
         for state in left:  # breadth first: it grows
             new = [one for one in following.get(state, ()) if one.target in following and one.target not in before]
-            before |= {one.target: one for one in reversed(new)}
+            before |= {one.target: (state, one) for one in reversed(new)}
             left += dict.fromkeys(one.target for one in new)
         if begin.name not in before:
             following.pop(begin.name, None)  # no circle leads through it
             continue
-        way = [before[begin.name]]
-        while way[0].source != begin.name:
-            way.insert(0, before[way[0].source])
-        reported.update(one.source for one in way)
-        message = f"These states follow each other at once: {' -> '.join([*(one.source for one in way), begin.name])}."
-        yield Finding("eps_cycle", path, begin.name, way[-1].place, message)
+        names = [begin.name, before[begin.name][0]]
+        while names[-1] != begin.name:
+            names.append(before[names[-1]][0])
+        reported.update(names)
+        message = f"These states follow each other at once: {' -> '.join(reversed(names))}."
+        yield Finding("eps_cycle", path, begin.name, before[begin.name][1].place, message)

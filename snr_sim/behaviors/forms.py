@@ -44,10 +44,6 @@ class Notes:
             raise FormError
         return block
 
-    def refuse(self, form: Form) -> None:
-        """Note that a form is not complete."""
-        raise self.shape(form)
-
     def word(self, form: Form, known: tuple[str, ...], where: str) -> str:
         """Return the first word of a form; note it, and return nothing, if it is not known there."""
         word = first_word(form)

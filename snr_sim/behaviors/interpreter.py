@@ -18,7 +18,7 @@ Time is whole nanoseconds: a time-out of 0.1 s is exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -145,13 +145,17 @@ class Interpreter:
     def spawn(self, now_ns: int) -> list[Change]:
         """Begin: enter the initial states of all machines at the top. Return the changes."""
         self._begin(now_ns, ())
+        self._spawn_top()
+        return self._changes
+
+    def _spawn_top(self) -> None:
+        """Spawn the machines at the top that do not run yet, and end the step."""
         for machine, initial in self._bound.top:
             if machine.state is None:
                 self._running.append(machine)
                 self._spawn(machine, initial)
         self._stop_failed()
         self._check_rules()
-        return self._changes
 
     def step(self, now_ns: int, signal: str | None = None, values: Sequence[Any] = ()) -> list[Change]:
         """Take one step; return the changes, in order.
@@ -247,7 +251,7 @@ class Interpreter:
                 if condition(context):
                     return self._take(machine, arrow)
             except Exception as error:
-                self._report_condition(machine, arrow, error)
+                self._report(machine, arrow.cause, error)
         for code in state.during:
             self._run(machine, code)
         for inner in machine.running:
@@ -269,7 +273,7 @@ class Interpreter:
             self._leave(mover, source, held_ns)
             if arrow.effect is not None:
                 self._run(mover, arrow.effect)
-            mover.state = target = arrow.target
+            mover.state = target = mover.states[arrow.target]
             mover.since_ns = now_ns
             self._changes.append(
                 Change(now_ns, mover.path, arrow.kind, arrow.name, source.name, target.name, held_ns, arrow.line)
@@ -293,7 +297,7 @@ class Interpreter:
                 if condition is None or condition(context):
                     return arrow
             except Exception as error:
-                self._report_condition(machine, arrow, error)
+                self._report(machine, arrow.cause, error)
         return None
 
     def _leave(self, machine: BoundMachine, state: BoundState, held_ns: int) -> None:
@@ -357,12 +361,6 @@ class Interpreter:
             return
         if output is not None:
             self.outputs.append((code.call, output))
-
-    def _report_condition(self, machine: BoundMachine, arrow: BoundTransition, error: Exception) -> None:
-        after_ns = arrow.definition.after_ns
-        block = arrow.definition.condition or after_ns
-        assert isinstance(block, Block)
-        self._report(machine, block, error)
 
     def _report(self, machine: BoundMachine, block: Block, error: Exception) -> None:
         if self._fails:
@@ -432,19 +430,17 @@ class Interpreter:
         self.problems = {}
         notes = values_after(old, new, renamed)
         self._take_over(program, new, made)
-        self._neutralise({part for path in gone for part in parts_of(old)[path]}, new)
+        before_parts, parts = parts_of(old), {part for found in parts_of(new).values() for part in found}
+        unused = sorted({part for path in gone for part in before_parts[path]} - parts)
+        if unused and self.robot is not None:  # only machines that have gone commanded them
+            self.robot.stop(*unused)
         for before, machine, initial in made.restarted:
             line, (source, held_ns) = machine.definition.place.line, left[before.path]
             self._changes.append(Change(now_ns, machine.path, "edit", "edit", source, initial, held_ns, line))
             machine.state, machine.since_ns = machine.states[initial], now_ns
             self._enter(machine, machine.states[initial])
-        for machine, initial in new.top:
-            if machine.state is None:
-                self._running.append(machine)
-                self._spawn(machine, initial)
-        self._stop_failed()
         self._violated = set()
-        self._check_rules()
+        self._spawn_top()
         edited = Edited(
             [after.path for _, after, _ in made.kept],
             [after.path for _, after, _ in made.restarted],
@@ -465,13 +461,6 @@ class Interpreter:
                 (self._running if machine.parent is None else machine.parent.running).append(machine)
         self.program, self._bound = program, new
         self._fails = program.on_error == "fail"
-
-    def _neutralise(self, parts: Set[str], new: BoundProgram) -> None:
-        """Command neutral to parts that only machines commanded which have gone."""
-        if self.robot is not None:
-            still_commanded = {part for found in parts_of(new).values() for part in found}
-            for part in sorted(parts - still_commanded):
-                getattr(self.robot, part).stop()
 
     def delay(self, duration_ns: int) -> None:
         """Let all times of entry be later by a duration in which the machines stood still."""

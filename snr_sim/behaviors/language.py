@@ -28,7 +28,8 @@ ours.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -37,7 +38,7 @@ from snr_sim.behaviors.block_checks import RESERVED
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
 from snr_sim.behaviors.checks import MAX_LEVELS, problems_of
 from snr_sim.behaviors.context import MAX_WORK, plain_value
-from snr_sim.behaviors.forms import FormError, Notes, first_word, is_word, text_of
+from snr_sim.behaviors.forms import Notes, first_word, is_word, text_of
 from snr_sim.behaviors.imports import Actions, why_not
 from snr_sim.behaviors.program import (
     ANY,
@@ -65,6 +66,7 @@ _TOP = ("var", "def", "machine", "spawn", "onerror", "always", "break", "import"
 _IN_MACHINE = ("var", "def", "state", "event", "on", "ontime", "eps", "exit")
 _IN_STATE = ("onentry", "running", "onexit", "machine")
 _ON_ERROR = ("go_on", "stop", "fail")
+_COMMANDS = re.compile(r"(robot\.\w+\.(start\(\s*-?[\d.]+\s*\)|stop\(\))[\s;]*)+")  # of a constant
 
 
 def parse(
@@ -157,6 +159,7 @@ class _Others:
         used: names of the files that have been read, with what their top names.
         inside: those that are being read, the outermost first.
         start: the context of all initialisers.
+        named: keys of the variables that blocks name.
     """
 
     files: Mapping[str, str]
@@ -164,6 +167,7 @@ class _Others:
     used: dict[str, _Names] = field(default_factory=dict)
     inside: list[str] = field(default_factory=list)
     start: _Start = field(default_factory=lambda: _Start())
+    named: set[str] = field(default_factory=set)
 
 
 class _Language:
@@ -178,6 +182,7 @@ class _Language:
         self._actions: dict[str, Callable[..., Any]] = {}
         self._inside: list[_Machine] = []  # machines that are being made, outermost first
         self._made_machines: list[MachineDef] = []
+        self._declared_at: dict[str, tuple[str, Place]] = {}  # name of each variable, and where, by key
         self._on_error: OnError = "go_on"
 
     def program(self, text: str, forms: list[Form]) -> Program:
@@ -197,6 +202,10 @@ class _Language:
             if first_word(form) in ("always", "break")
             for rule in self._notes.tried(self._rule, form, names)
         ]
+        exported = {text_of(form.items[-1]) for form in known if first_word(form) == "export"}
+        for key, (name, place) in self._declared_at.items():
+            if key not in self._others.named and name not in exported:
+                self._notes.add(place, f"Nothing uses the variable '{name}'.", "leave it out.", is_error=False)
         if not spawns and not self.problems:
             self._notes.add(
                 Place(1, 1, 1, 1), "No machine is spawned.", "(spawn MACHINE STATE) at the end.", is_error=False
@@ -229,7 +238,7 @@ class _Language:
                     names = _merged(names, found)
         taken = names.machines
         names = self._with_variables(known, names, "")
-        own = self._machines(known)
+        own = {name: _Machine(form) for name, form in self._named(known, "machine")}
         names = replace(names, machines={**taken, **own})
         for one in own.values():
             one.names = names
@@ -254,8 +263,7 @@ class _Language:
 
     def _file(self, form: Form, suffix: str) -> str:
         """Return the name of the file in a form."""
-        item = form.items[1] if len(form.items) == 2 else None
-        if not isinstance(item, Text):
+        if len(form.items) != 2 or not isinstance(item := form.items[1], Text):
             raise self._notes.shape(form)
         if wrong := why_not(item.text, suffix):
             raise self._notes.failed(
@@ -314,40 +322,30 @@ class _Language:
         return name
 
     def _declared(self, form: Form, name: str, names: _Names, scope: str) -> _Names:
-        if first_word(form) == "def":
-            code, own = form.items[-1], set[str]()
-            given = tuple(self._python_name(form, i, own) for i in range(2, len(form.items) - 1))
-            if not isinstance(code, Code):
-                raise self._notes.shape(form)
-            block = self._block(code, "condition", replace(names, variables={**names.variables, **_own(given)}))
-            without = {key: value for key, value in names.variables.items() if key != name}
-            # One with a mistake is known all the same, so that its callers are not mistakes, too.
-            text = "None" if block is None else code.text
-            seen = tuple(sorted(names.variables.items())), tuple(names.definitions.items())
-            definitions = {**names.definitions, name: define(given, text, *seen, tuple(self._actions.items()))}
-            return replace(names, definitions=definitions, variables=without)
-        if len(form.items) != 4 or not is_word(form.items[2], ":="):
-            raise self._notes.shape(form)
-        code = form.items[3]
-        if not isinstance(code, Code):
-            raise self._notes.shape(form)
-        key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
-        value = self._initial(name, code, names)
-        definitions = {one: given for one, given in names.definitions.items() if one != name}
-        return replace(
-            names,
-            variables={**names.variables, name: key},
-            values={**names.values, key: value},
-            definitions=definitions,
-        )
+        match form.items:
+            case (Word("def"), _, *given, Code() as code):
+                own = set[str]()
+                parameters = tuple(self._python_name(form, i, own) for i in range(2, 2 + len(given)))
+                inside = replace(names, variables={**names.variables, **dict.fromkeys(parameters, "")})
+                block = self._block(code, "condition", inside)
+                # One with a mistake is known all the same, so that its callers are not mistakes, too.
+                text = "None" if block is None else code.text
+                seen = tuple(sorted(names.variables.items())), tuple(names.definitions.items())
+                made = define(parameters, text, *seen, tuple(self._actions.items()))
+                variables = {key: value for key, value in names.variables.items() if key != name}
+                return replace(names, definitions={**names.definitions, name: made}, variables=variables)
+            case (Word("var"), _, Word(":="), Code() as code):
+                key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
+                self._declared_at[key] = name, form.items[1].place
+                value = self._initial(name, code, names)
+                definitions = {one: given for one, given in names.definitions.items() if one != name}
+                known = {**names.variables, name: key}
+                return replace(names, variables=known, values={**names.values, key: value}, definitions=definitions)
+        raise self._notes.shape(form)
 
     def _initial(self, name: str, code: Code, names: _Names) -> Any:
         """Return the value of an initialiser, which may name what is declared before it."""
-        scope = Scope(names.variables, names.definitions, {}, self._actions)
-        block, problems = compile_block(code.text, code.place, "condition", scope)
-        self.problems += problems
-        if block is None:
-            raise FormError
+        block = self._notes.needed(self._block(code, "condition", names, {}))
         keys = list(names.values)
         bindings = Bindings([names.values[key] for key in keys], {key: i for i, key in enumerate(keys)})
         try:
@@ -355,14 +353,15 @@ class _Language:
         except Exception as error:
             raise self._notes.failed(code.place, f"{type(error).__name__}: {error}", "") from error
 
-    def _machines(self, forms: Iterable[Form]) -> dict[str, _Machine]:
-        found = dict[str, _Machine]()
-        for form in forms:
-            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "machine" else ():
-                if name in found:
-                    self._notes.add(form.items[1].place, f"There are two machines '{name}' here.", "rename one.")
-                found[name] = _Machine(form)
-        return found
+    def _named(self, forms: Iterable[Form], word: str) -> Iterator[tuple[str, Form]]:
+        """Yield the forms that begin with a word, each with its name; one of a name that is in use is noted."""
+        used = set[str]()
+        for form in (one for one in forms if first_word(one) == word):
+            for name in self._notes.tried(self._notes.name, form, 1):
+                if name in used:
+                    self._notes.add(form.items[1].place, f"There are two {word}s '{name}' here.", "rename one.")
+                used.add(name)
+                yield name, form
 
     # -- forms --------------------------------------------------------------------------------------------------------
 
@@ -391,18 +390,20 @@ class _Language:
         self._on_error = word  # type: ignore[assignment]
 
     def _rule(self, form: Form, names: _Names) -> Rule:
-        kind, *items = first_word(form), *form.items[1:]
-        word, code = (items[0], items[1]) if len(items) == 2 else (items[0], None) if len(items) == 1 else (None, None)
-        if kind == "always" and code is None:
-            word, code = None, word
-        is_complete = isinstance(code, Code) if kind == "always" else isinstance(word, Word)
-        if not is_complete or not isinstance(code, Code | None) or not isinstance(word, Word | None):
-            raise self._notes.shape(form)
-        block = None if code is None else self._notes.needed(self._block(code, "condition", names))
-        if kind == "always":
-            return Rule("always", code.text if word is None and code is not None else text_of(word), block, form.place)
-        states = {one.name for machine in self._made_machines for one in machine.states}
-        return Rule("break", self._notes.known(items[0], states, "state"), block, form.place)
+        match form.items:
+            case (Word("always"), Code() as code):
+                name = code.text
+            case (Word("always"), Word(name), Code() as code):
+                pass
+            case (Word("break"), Word(name)) | (Word("break"), Word(name), Code()):
+                states = {one.name for machine in self._made_machines for one in machine.states}
+                self._notes.known(form.items[1], states, "state")
+                given = form.items[2:]  # a block, or nothing
+                condition = self._notes.needed(self._block(given[0], "condition", names)) if given else None  # type: ignore[arg-type]
+                return Rule("break", name, condition, form.place)
+            case _:
+                raise self._notes.shape(form)
+        return Rule("always", name, self._notes.needed(self._block(code, "condition", names)), form.place)
 
     def _machine(self, machine: _Machine) -> MachineDef:
         if machine.made is None:
@@ -426,7 +427,11 @@ class _Language:
         names = self._with_variables(forms, machine.names, scope)
         own = {key: value for key, value in names.values.items() if key not in machine.names.values}
         names = replace(names, values={**machine.names.values, **own})
-        events = self._events(forms, names)
+        events = {
+            word: event
+            for word, one in self._named(forms, "event")
+            for event in self._notes.tried(self._made_event, one, word, names)
+        }
         names = replace(names, events={**names.events, **events})
         states = [
             state for one in forms if first_word(one) == "state" for state in self._notes.tried(self._state, one, names)
@@ -455,58 +460,45 @@ class _Language:
             if isinstance(one, Form) and first_word(one) == "state" and len(one.items) > 1
         ]
 
-    def _events(self, forms: list[Form], names: _Names) -> dict[str, _Event]:
-        found = dict[str, _Event]()
-        for form in forms:
-            for name in self._notes.tried(self._notes.name, form, 1) if first_word(form) == "event" else ():
-                if name in found:
-                    self._notes.add(form.items[1].place, f"There are two events '{name}' here.", "rename one.")
-                for event in self._notes.tried(self._made_event, form, name, names):
-                    found[name] = event
-        return found
-
     def _made_event(self, form: Form, name: str, names: _Names) -> _Event:
-        if len(form.items) == 2:
-            return _Event(form.place, None)
-        code = form.items[2]
-        if len(form.items) > 3 or not isinstance(code, Code):
-            raise self._notes.shape(form)
-        block = self._block(code, "condition", names)
-        return _Event(form.place, None if block is None else replace(block, text=name))
+        match form.items:
+            case (_, _):
+                return _Event(form.place, None)
+            case (_, _, Code() as code):
+                block = self._block(code, "condition", names)
+                return _Event(form.place, None if block is None else replace(block, text=name))
+        raise self._notes.shape(form)
 
     def _state(self, form: Form, names: _Names) -> StateDef:
         name = self._notes.name(form, 1)
         forms = [one for one in self._notes.forms(form, 2) if self._notes.word(one, _IN_STATE, f"state '{name}'")]
-        machines = self._machines(forms)
+        machines = {one: _Machine(inner) for one, inner in self._named(forms, "machine")}
         names = replace(names, machines={**names.machines, **machines})
         for inner in machines.values():
             inner.names = names
-        enter: list[Block | Spawn] = []
-        during: list[Block] = []
-        leave: list[Block] = []
+        clauses: dict[str, list[Any]] = {"onentry": [], "running": [], "onexit": []}
         for one in forms:
-            kind = first_word(one)
-            if kind == "machine":
-                continue
-            if len(one.items) != 2:
-                self._notes.tried(self._notes.refuse, one)
-                continue
-            content = one.items[1]
-            if kind == "onentry" and isinstance(content, Form):
-                if self._notes.word(content, ("spawn",), "onentry"):
-                    enter += self._notes.tried(self._spawn, content, names)
-            elif isinstance(content, Code):
-                block = self._block(content, "block", names)
-                if block is not None:
-                    {"onentry": enter, "running": during, "onexit": leave}[kind].append(block)  # type: ignore[attr-defined]
-            else:
-                self._notes.tried(self._notes.refuse, one)
-        spawned = {id(one.machine) for one in enter if isinstance(one, Spawn)}
+            match one.items:
+                case (Word("machine"), *_):
+                    pass
+                case (Word(kind), Code() as code):
+                    block = self._block(code, "block", names)
+                    if kind == "running" and _COMMANDS.fullmatch(code.text.strip()):
+                        message = "This repeats the same command in each step."
+                        self._notes.add(code.place, message, "once is enough: (onentry [...]).", is_error=False)
+                    clauses[kind] += [] if block is None else [block]
+                case (Word("onentry"), Form() as content):
+                    if self._notes.word(content, ("spawn",), "onentry"):
+                        clauses["onentry"] += self._notes.tried(self._spawn, content, names)
+                case _:
+                    self._notes.shape(one)
+        spawned = {id(one.machine) for one in clauses["onentry"] if isinstance(one, Spawn)}
         for machine in machines.values():
             made = self._notes.tried(self._machine, machine)
             if made and id(made[0]) not in spawned:
                 self._notes.add(machine.form.place, f"Machine '{made[0].name}' is never spawned.", is_error=False)
-        return StateDef(name, tuple(enter), tuple(during), tuple(leave), form.place)
+        enter, during, leave = map(tuple, clauses.values())
+        return StateDef(name, enter, during, leave, form.place)
 
     def _transition(self, form: Form, names: _Names, states: list[str], around: list[str] | None) -> Transition:
         kind: Kind = first_word(form)  # type: ignore[assignment]
@@ -569,10 +561,12 @@ class _Language:
 
         return replace(block, bind=in_ns)
 
-    def _block(self, code: Code, kind: Any, names: _Names) -> Block | None:
-        scope = Scope(names.variables, names.definitions, self._parts, self._actions)
+    def _block(self, code: Code, kind: Any, names: _Names, parts: Parts | None = None) -> Block | None:
+        scope = Scope(names.variables, names.definitions, self._parts if parts is None else parts, self._actions)
         block, problems = compile_block(code.text, code.place, kind, scope)
         self.problems += problems
+        if block is not None:
+            self._others.named.update(block.keys)
         return block
 
 
@@ -589,13 +583,5 @@ class _Start:
 
 
 def _merged(names: _Names, found: _Names) -> _Names:
-    return _Names(
-        {**names.variables, **found.variables},
-        {**names.values, **found.values},
-        {**names.definitions, **found.definitions},
-        {**names.machines, **found.machines},
-    )
-
-
-def _own(names: Iterable[str]) -> dict[str, str]:
-    return {name: name for name in names}
+    tables = ("variables", "values", "definitions", "machines")
+    return _Names(*({**getattr(names, one), **getattr(found, one)} for one in tables))

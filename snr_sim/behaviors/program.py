@@ -99,6 +99,7 @@ class Block:
             tasks or None. Those of blocks that do the same are equal.
         drives: parts of the robot that it commands; of a block of text.
         writes: keys of the variables that it assigns; of a function in Python None: it may assign all.
+        keys: of the variables that it names; of a function in Python none are known.
         is_commanding: whether it commands the robot.
         parts: returns the parts of a condition in text, for an explanation: readings, variables, what is compared.
     """
@@ -108,6 +109,7 @@ class Block:
     bind: Callable[[Bindings], Callable[[Any], Any]] = field(repr=False)
     drives: frozenset[str] = frozenset()
     writes: frozenset[str] | None = None
+    keys: tuple[str, ...] = ()
     is_commanding: bool = True
     parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)
 
@@ -189,6 +191,11 @@ class MachineDef:
         for _, one in sorted((*own, *anywhere), key=lambda row: row[0]) if own and anywhere else (own or anywhere):
             if one.source != ANY or one.target != state:
                 yield one
+
+    @cached_property
+    def by_name(self) -> dict[str, StateDef]:
+        """Its states by name."""
+        return {one.name: one for one in self.states}
 
     @cached_property
     def extent(self) -> tuple[int, int]:

@@ -20,6 +20,7 @@ MAX_PROBLEMS = 20
 _SPACE = re.compile(r"(?:[ \t\r\n\f\ufeff]+|;[^\n]*)+")  # some editors begin a file with U+FEFF
 _WORD = re.compile(r"->|:=|\*|[0-9]+|[A-Za-z][A-Za-z0-9_]*(?:-+[A-Za-z0-9_]+)*")
 _CODE = re.compile(r"\w+$")  # the word before a place
+_FORM = re.compile(r"^[ \t]*\(", re.MULTILINE)  # where a line begins with one
 _JUNK = re.compile(r"[^\s()\[\];\"]+")
 _QUOTE = re.compile(r"(?i:[rbuf]{0,2})('''|\"\"\"|'|\")")
 _CLOSING = {"(": ")", "[": "]", "{": "}"}
@@ -113,7 +114,7 @@ class _Reader:
                 self._report(at, at + 1, "Forms are nested too deeply.", f"at most {MAX_DEPTH} levels.")
                 self._open.clear()
                 return len(text)
-            self._open.append(_Open(at, self._column(at)))
+            self._open.append(_Open(at, self._at(at)[1]))
             return at + 1
         if first == ")":
             if self._open:
@@ -151,22 +152,15 @@ class _Reader:
 
     def _read_code(self, at: int) -> int:
         end = _end_of_code(self.text, at)
-        if isinstance(end, str) or (self.is_by_indentation and self._has_form_in_column_one(at, end)):
-            stop = self._next_form(at)
+        if isinstance(end, str) or (self.is_by_indentation and "\n(" in self.text[at:end]):
+            following = _FORM.search(self.text, at + 1)
+            stop = len(self.text) if following is None else following.end() - 1
             why = end if isinstance(end, str) else "'[' is not closed."
             self.is_unbalanced = True
             self._report(at, at + 1, why, f"add what is missing before line {self._at(stop)[0]}.")
             return stop
         self._add(Code(self.text[at + 1 : end - 1], self._place(at + 1, end - 1)), at, end)
         return end
-
-    def _has_form_in_column_one(self, at: int, end: int) -> bool:
-        return "\n(" in self.text[at:end]
-
-    def _next_form(self, at: int) -> int:
-        """Return where the next line begins that starts with a round bracket; else the end."""
-        found = re.compile(r"^[ \t]*\(", re.MULTILINE).search(self.text, at + 1)
-        return len(self.text) if found is None else found.end() - 1
 
     # -- brackets -----------------------------------------------------------------------------------------------------
 
@@ -211,9 +205,6 @@ class _Reader:
             line += 1
         self._line = line
         return line + 1, at - starts[line] + 1
-
-    def _column(self, at: int) -> int:
-        return self._at(at)[1]
 
     def _place(self, start: int, end: int) -> Place:
         return Place(*self._at(start), *self._at(end))

@@ -74,10 +74,8 @@ def after(
 
     Args:
         time_s: time [s]; a function is called in each step.
-        to: the state that follows.
+        to, do, name: as of `on`.
         when: condition that must hold as well.
-        do: executed between leaving and entering.
-        name: of the transition; "a->b" if not given.
 
     Raises:
         ParameterError: the time is negative or not finite.
@@ -94,14 +92,8 @@ def after(
 
 
 def always(to: str, when: Function | None = None, do: Function | None = None, *, name: str = "") -> Transition:
-    """Return a transition that is taken at once, also in the step in which the state is entered.
-
-    Args:
-        to: the state that follows.
-        when: condition that must hold.
-        do: executed between leaving and entering.
-        name: of the transition; "a->b" if not given.
-    """
+    """Return a transition that is taken at once, also in the step in which the state is entered; arguments as of
+    `after`."""
     return Transition("eps", "", to, name, _place(), None, _optional(when, "when"), None, _optional(do, "do"))
 
 
@@ -180,16 +172,18 @@ def machine(
     problems = [*_bad_names(names, definition.place), *problems_of(spawns)]
     if any(one.is_error for one in problems):
         raise ProgramError([one for one in problems if one.is_error])
-    text = as_text(spawns)
-    return Program(text, hashlib.sha256(text.encode()).hexdigest(), spawns, "fail", tuple(problems))
+    return _program_of(spawns, problems)
 
 
 def side_by_side(*programs: Program) -> Program:
     """Return the program in which the machines of all given ones run side by side, stepped in this order."""
     spawns = tuple(spawn for one in programs for spawn in one.spawns)
+    return _program_of(spawns, [warning for one in programs for warning in one.warnings])
+
+
+def _program_of(spawns: tuple[Spawn, ...], warnings: list[Problem]) -> Program:
     text = as_text(spawns)
-    warnings = tuple(warning for one in programs for warning in one.warnings)
-    return Program(text, hashlib.sha256(text.encode()).hexdigest(), spawns, "fail", warnings)
+    return Program(text, hashlib.sha256(text.encode()).hexdigest(), spawns, "fail", tuple(warnings))
 
 
 def _place() -> Place:
@@ -208,6 +202,9 @@ class _Given:
     """Binds a function that needs no bindings. Those of one function are equal."""
 
     function: Function
+
+    def __hash__(self) -> int:
+        return hash(_text_of(self.function))  # of an object that is called there may be no hash
 
     def __call__(self, bindings: Bindings) -> Function:
         """Return the function."""
@@ -232,17 +229,13 @@ def _shown(values: Iterable[tuple[Any, Any]]) -> str:
     return "".join(f" {key}={value!r}" for key, value in values if isinstance(value, (int, float, str, tuple)))
 
 
-def _line_of(function: Function) -> int:
-    code = getattr(function, "__code__", None)
-    return 0 if code is None else code.co_firstlineno
-
-
 def _block(function: object, what: str) -> Block:
     if not callable(function):
         raise ParameterError(
             f"{what}={function!r} is not a function.", fix="its name without brackets, such as is_near."
         )
-    return Block(_text_of(function), Place(_line_of(function)), _Given(function))
+    line = getattr(getattr(function, "__code__", None), "co_firstlineno", 0)
+    return Block(_text_of(function), Place(line), _Given(function))
 
 
 def _optional(function: object, what: str) -> Block | None:

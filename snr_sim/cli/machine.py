@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Bridge
     from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw", "check", "coverage", "edits", "explore", "lag", "view", "why")
+_WHAT = ("draw", "check", "coverage", "diff", "edits", "explore", "lag", "try", "view", "why")
 SAME_MOMENT_S = 0.02  # of --at: two steps at 100 Hz
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw, check, coverage, edits, explore, lag, view or why.")],
+    what: Annotated[str, typer.Argument(help="draw, check, coverage, diff, edits, explore, lag, try, view or why.")],
     file: Annotated[
         str,
         typer.Argument(
@@ -44,6 +44,7 @@ def machine(
     min_percent: Annotated[float, typer.Option("--min", help="Of coverage: exit status 1 below it.")] = 0.0,
     port: Annotated[int, typer.Option(help="Of view: not any free port, but this one.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Of edits: folder that its files go into.")] = None,
+    other: Annotated[str, typer.Argument(help="Of diff the new program, of try a run; the newest if none.")] = "",
     trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
@@ -54,54 +55,63 @@ def machine(
     doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or that
     cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints which
     states and transitions were not reached. edits writes the programs of a run that was edited as files, and runs it
-    again with them. lag prints how old readings were when machines decided, and how long commands took. why executes
-    the run again and prints each transition that was looked at, with the values of its condition: at one moment step by
-    step, over an interval as a summary. view serves a page that shows the machine at any moment of the run, as
-    `snr run --live` does while it runs.
+    again with them. diff prints which states, transitions and variables differ between two programs. try runs a changed
+    program on the inputs of a recorded run: where its changes of state begin to differ, and which states it visits. It
+    is a rehearsal: the recorded readings do not answer it. lag prints how old readings were when machines decided, and
+    how long commands took. why executes the run again and prints each transition that was looked at, with the values of
+    its condition: at one moment step by step, over an interval as a summary. view serves a page that shows the machine
+    at any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
-    --min, of edits 1 if the second run differs.
+    --min, of diff 1 if there are differences, of edits and try 1 if the second run differs.
     """
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
     if to not in _FORMATS:
         raise UnknownNameError(f"There is no format '{to}'.", fix=suggest(to, _FORMATS))
+    run = Path(file)
     if what == "check":
         _check(file, name, robot, as_json)
-        return
-    if what == "coverage":
+    elif what == "coverage":
         from snr_sim.cli.machine_coverage import coverage
 
         coverage(file, seeds, controller, min_percent, as_json=as_json)
-        return
-    if what == "edits":
+    elif what == "diff":
+        from snr_sim.cli.machine_diff import diff
+
+        diff(_program_in(file, name, robot), _program_in(other, name, robot), other, as_json=as_json)
+    elif what == "edits":
         from snr_sim.cli.machine_edits import edits
 
-        edits(Path(file), out, trust=trust, as_json=as_json)
-        return
-    if what == "explore":
+        edits(run, out, trust=trust, as_json=as_json)
+    elif what == "explore":
         _explore(_program_in(file, name, robot), file, as_json)
-        return
-    if what == "lag":
-        _lag(Path(file), as_json)
-        return
-    if what == "view":
+    elif what == "lag":
+        _lag(run, as_json)
+    elif what == "try":
+        from snr_sim.cli.machine_try import try_program
+
+        try_program(file, Path(other) if other else None, trust=trust, as_json=as_json)
+    elif what == "view":
         from snr_sim.cli.machine_view import view
 
-        view(Path(file), name, port, is_trusted=trust)
-        return
-    if what == "why":
+        view(run, name, port, is_trusted=trust)
+    elif what == "why":
         from snr_sim.cli.machine_why import why
 
         if at is not None:
             from_s, until_s = at, at + SAME_MOMENT_S
-        why(Path(file), machine_path, target, from_s, until_s, trust=trust, as_json=as_json)
-        return
+        why(run, machine_path, target, from_s, until_s, trust=trust, as_json=as_json)
+    else:
+        _draw(_program_in(file, name, robot), to, as_json)
+
+
+def _draw(program: Program, to: str, as_json: bool) -> None:
     if as_json:
         raise ParameterError("draw prints no JSON.", fix="leave out --json, or name the format: --as scxml.")
     from snr_sim.behaviors.export import draw
 
-    print_text(draw(_program_in(file, name, robot), to), end="")  # type: ignore[arg-type]
+    print_text(draw(program, to), end="")  # type: ignore[arg-type]
 
 
 def _explore(program: Program, file: str, as_json: bool) -> None:
@@ -151,11 +161,12 @@ def _lag(run: Path, as_json: bool) -> None:
 def _check(file: str, name: str, robot: str, as_json: bool) -> None:
     """Print the problems of a program; exit with status 1 if one is a mistake."""
     from snr_sim.behaviors.program import show_problem
+    from snr_sim.scenario.library import LRP
     from snr_sim.scenario.machine_controller import MachineError
 
     try:
         program = _program_in(file, name, robot)
-        problems = list(program.warnings)
+        problems = _doubts(program, is_text=Path(file).suffix == LRP)
         if not as_json:
             lines = Path(file).read_text(encoding="utf-8").splitlines()
             print_text(
@@ -169,6 +180,23 @@ def _check(file: str, name: str, robot: str, as_json: bool) -> None:
         print_json({"problems": [_row(one) for one in problems]})
     if any(one.is_error for one in problems):
         raise typer.Exit(1)
+
+
+def _doubts(program: Program, *, is_text: bool) -> list[Problem]:
+    """Return what is doubtful in a program, in the order of its text."""
+    from snr_sim.behaviors.checks import doubts_of
+    from snr_sim.behaviors.program import Problem
+    from snr_sim.scenario.machine_controller import STEP_HZ
+
+    step_ns, found = round(1e9 / STEP_HZ), {**dict.fromkeys(program.warnings)}
+    found |= dict.fromkeys(doubts_of(program.spawns, also_ends=True))
+    for one in (arrow for _, spawn in program.walk() for arrow in spawn.machine.transitions) if is_text else ():
+        if isinstance(one.after_ns, int) and one.after_ns % step_ns:
+            steps = -(-one.after_ns // step_ns)
+            message = f"After {one.after_ns / 1e6:g} ms there is no step: it is taken at {steps * step_ns / 1e6:g} ms."
+            fix = f"a multiple of {step_ns / 1e6:g} ms."
+            found[Problem(one.place, message, fix, is_error=False)] = None
+    return sorted(found, key=lambda one: (one.place.line, one.place.column))
 
 
 def _row(problem: Problem) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`snr machine coverage SCENARIO`: which states and transitions of its machines are reached over several seeds."""
+"""`snr machine coverage SCENARIO`: what its machines reach over several seeds."""
 
 from __future__ import annotations
 
@@ -57,7 +57,6 @@ def _seeds(text: str) -> range:
 def _run(scenario: str, seed: int, controller: str, found: dict[str, tuple[Program, Coverage]]) -> str:
     """Run one seed, and add what its machines did; return the outcome."""
     from snr_sim.behaviors.coverage import Coverage
-    from snr_sim.behaviors.endpoint import MachineFactory
     from snr_sim.behaviors.explain import explaining
     from snr_sim.scenario.simulation import Request, prepare
     from snr_sim.scenario.simulation_run import SimulationRun
@@ -66,11 +65,10 @@ def _run(scenario: str, seed: int, controller: str, found: dict[str, tuple[Progr
     plant = simulation.plant()
     config = simulation.config(plant)
 
-    def counted(program: Program, name: str = "") -> Coverage:
-        return found.setdefault(name or program.spawns[0].machine.name, (program, Coverage()))[1]
+    def counted(program: Program) -> Coverage:
+        name = program.spawns[0].machine.name if program.spawns else "machine"
+        return found.setdefault(name, (program, Coverage()))[1]
 
-    for one in (one for role in config.factories.values() for one in role if isinstance(one, MachineFactory)):
-        one.evaluations = counted(one.program, one.name)
     with explaining(counted):
         outcome = SimulationRun(simulation, plant, config).run().outcome
     if not found:
@@ -96,3 +94,11 @@ def _print(name: str, report: dict[str, Any]) -> None:
             print_text(f"{where} was not taken, {looked}")
         elif not row["was_false"] and row["evaluated"] == row["taken"]:
             print_text(f"{where} was always taken")
+    for row in report["conditions"]:
+        where = f"    line {row['line']:<4} {row['machine']}: condition {row['condition']}"
+        if bool(row["was_true"]) != bool(row["was_false"]):
+            print_text(f"{where} was never {'false' if row['was_true'] else 'true'}")
+    for row in report["time_outs"]:
+        where = f"    line {row['line']:<4} {row['machine']}: the time of {row['transition']} in {row['state']}"
+        if not row["fired"]:
+            print_text(f"{where} was never over: {row['longest_s']:g} s at most, left {row['cancelled']} times before")

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -85,11 +86,17 @@ def edits_of(trace: Trace) -> Edits:
 def digest_of_changes(records: list[Record]) -> str:
     """Return the digest of all changes of state in a run: when, in which machine, from where to where."""
     digest = hashlib.blake2b(digest_size=16)
+    for change in changes_of(records):
+        digest.update(json.dumps([change[name] for name in _SAME]).encode() + b"\n")
+    return digest.hexdigest()
+
+
+def changes_of(records: list[Record]) -> Iterator[dict[str, Any]]:
+    """Yield all changes of state in a run, as its events "<name>.transition" have them."""
     for record in records:
         if isinstance(record, Executed) and record.type == "event" and record.name.endswith(_TRANSITION):
             (change,) = decode_value(bytes(record.values))
-            digest.update(json.dumps([change[name] for name in _SAME]).encode() + b"\n")
-    return digest.hexdigest()
+            yield change
 
 
 def write(edits: Edits, folder: Path) -> None:

@@ -55,6 +55,21 @@ def test_several_runs_count_together() -> None:
     assert rows == {"a->b": 1, "by_count": 1, "a->c": 0, "b->c": 0}
 
 
+def test_conditions_count_in_all_transitions_that_name_them() -> None:
+    text = TEXT.replace("(event go)", "(event many [n > 3])").replace("go a", "many a").replace("[n > 100] b", "many b")
+    (many, by_count) = covered(text, 10).report(parse(text))["conditions"]
+    assert (many["condition"], many["was_true"], many["was_false"]) == ("many", 2, 4)
+    assert (by_count["condition"], by_count["was_true"], by_count["was_false"]) == ("n > 3", 0, 4)
+
+
+def test_time_out_is_cancelled_when_its_state_is_left_before() -> None:
+    text = TEXT.replace("[n > 100] b -> c", "[in_state_ms >= 20] b -> a").replace("[n > 3]", "[in_state_ms >= 30]")
+    (time_out,) = covered(text, 40).report(parse(text))["time_outs"]
+    assert (time_out["fired"], time_out["cancelled"], time_out["longest_s"]) == (0, 7, 0.02)
+    fired = covered(text.replace("1000 a", "20 a"), 40, {1: "go"}).report(parse(text.replace("1000 a", "20 a")))
+    assert (fired["time_outs"][0]["fired"], fired["time_outs"][0]["cancelled"]) == (1, 0)
+
+
 def test_exit_reaches_the_state_around_and_spawned_machines_begin() -> None:
     inner = machine("inner", "x", [state("x", exits(on("out", to="b")))])
     made = machine("outer", "a", [state("a", machines=[inner]), state("b")])
@@ -79,6 +94,7 @@ def test_verb_runs_seeds_and_names_what_was_not_reached(capsys: pytest.CaptureFi
         coverage("dora_wall", "1", "explorer", 90.0, as_json=True)
     report = json.loads(capsys.readouterr().out)["machines"]["dora"]
     assert report["percent"] < 90.0
+    assert "bump" in [row["condition"] for row in report["conditions"] if not row["was_true"]]
     assert {row["state"]: row["is_reached"] for row in report["states"]}["backing"] is False
 
 
@@ -132,6 +148,17 @@ def test_interpreter_inside_a_component_is_counted(inside: Path, capsys: pytest.
     report = json.loads(capsys.readouterr().out)["machines"]["fall"]
     assert [row["taken"] for row in report["transitions"]] == [2, 0]
     assert report["percent"] == 75.0
+
+
+def test_verb_names_conditions_and_time_outs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, rest = tmp_path / "fall.py", 'state("low", after(90.0, to="high", when=is_low))'
+    text = INSIDE.replace("behaviors import", "behaviors import after,").replace("on(is_low", "on(lambda m: True")
+    file.write_text(text.replace('state("low", on("never", to="high"))', rest))
+    coverage("lander_vertical", "0", str(file), 0.0, as_json=False)
+    shown = capsys.readouterr().out
+    assert "fall: the time of low->high in low was never over: " in shown
+    assert "fall: condition lambda in line" in shown
+    assert "was never false" in shown
 
 
 def test_interpreter_inside_a_component_is_explained(inside: Path, capsys: pytest.CaptureFixture[str]) -> None:

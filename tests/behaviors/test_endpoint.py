@@ -189,7 +189,7 @@ def test_optional_events_are_not_noted() -> None:
 
 def test_doubtful_state_is_noted() -> None:
     node = run(*machine_parts(machine("m", "a", [state("a"), state("b")]), "m"))
-    assert any("leads to state 'b'" in note for note in node.report.notes)
+    assert any("can reach state 'b'" in note for note in node.report.notes)
 
 
 # -- record and replay ------------------------------------------------------------------------------------------------

@@ -275,11 +275,34 @@ def test_several_mistakes_are_reported_together_and_no_more_than_twenty() -> Non
     assert len(problems("".join(f"(state s{i})" for i in range(100)))) == MAX_PROBLEMS
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("(state a", "(var x := [1]) (state a", "Nothing uses the variable 'x'."),
+        ("(onentry", "(running", "This repeats the same command in each step."),
+        ("(on go", "(eps a -> b) (on go", "Transition 'a->b' is never taken: 'a->b' in line 1 comes first."),
+        ("(on go", "(eps a -> b) (eps b -> a now) (on go", "These states follow each other at once: a -> b -> a."),
+    ],
+)
+def test_doubtful_program_has_a_warning(old: str, new: str, message: str) -> None:
+    text = "(machine m (event go) (state a (onentry [robot.motor.start(-5.5)])) (state b) (on go a -> b))(spawn m a)"
+    assert parse(text).warnings == ()
+    assert message in [one.message for one in parse(text.replace(old, new)).warnings]
+
+
+def test_variable_that_is_used_anywhere_has_no_warning() -> None:
+    text = (
+        "(var a := [1])(var b := [a])(def c [b])(var out := [0])(machine m (state s (onentry [out = c()])))(spawn m s)"
+    )
+    assert parse(text).warnings == ()
+    assert parse("(var a := [1])(export a)(machine m (state s))(spawn m s)").warnings == ()
+
+
 def test_doubtful_things_are_warnings() -> None:
     text = "(machine m (event never) (state a) (state b) (machine_ x))(spawn m a)".replace("(machine_ x)", "")
     assert [one.message for one in parse(text).warnings] == [
         "No transition uses the event 'never'.",
-        "No transition of 'm' leads to state 'b'.",
+        "No run can reach state 'b'.",
     ]
     assert parse("(machine m (state a))").warnings[0].message == "No machine is spawned."
 

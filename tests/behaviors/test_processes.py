@@ -365,7 +365,7 @@ def test_state_that_no_event_leads_to_is_noted() -> None:
     parts = reference_parts({"A": {"E": "A"}, "B": {"E": "A"}}, "A")
     node = Node("r", Config(factories={"r": parts}), clock=SimClock())
     LockStep([node], node.clock, until_s=0.1).run()  # type: ignore[arg-type]
-    assert any("leads to state 'B'" in note for note in node.notes)
+    assert any("can reach state 'B'" in note for note in node.notes)
 
 
 def test_stop_ends_all() -> None:

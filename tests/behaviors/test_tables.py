@@ -76,7 +76,7 @@ def test_all_mistakes_are_reported_at_once() -> None:
 
 def test_state_that_no_transition_leads_to_is_doubtful() -> None:
     program = machine("m", "a", [state("a"), state("b")])
-    assert [one.message for one in program.warnings] == ["No transition of 'm' leads to state 'b'."]
+    assert [one.message for one in program.warnings] == ["No run can reach state 'b'."]
 
 
 def test_state_that_only_an_exit_leads_to_is_not_doubtful() -> None:

@@ -101,6 +101,17 @@ def test_check_prints_warnings_with_their_lines(program: Path, capsys: pytest.Ca
     assert shown[2].index("^") == 7 + 12
 
 
+def test_check_warns_of_ends_and_of_times_between_steps(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program.write_text("(machine m (state a) (state b)\n (ontime 25 a -> b)\n (ontime 30 b -> a))\n(spawn m a)\n")
+    machine("check", str(program))
+    shown = capsys.readouterr().out
+    assert ":2:2: warning: After 25 ms there is no step: it is taken at 30 ms." in shown
+    assert shown.count("warning") == 1
+    program.write_text("(machine m (state a) (state b)\n (ontime 30 a -> b))\n(spawn m a)\n")
+    machine("check", str(program))
+    assert ":1:22: warning: State 'b' cannot be left." in capsys.readouterr().out
+
+
 def test_check_prints_mistakes_and_exits_with_1(program: Path, capsys: pytest.CaptureFixture[str]) -> None:
     program.write_text(GOOD.replace("throttle", "trottle").replace("(spawn m a)", "(spawn m b)"))
     with pytest.raises(typer.Exit) as caught:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, Execution
-from snr_sim.behaviors.flow.userdata import Scope
+from snr_sim.behaviors.flow.userdata import Scope, check_known
 from snr_sim.behaviors.flow.waits import Step, Wait
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ConfigError
 
 Outcomes: TypeAlias = dict[str, str | None]  # of the children by label; None: it continues
 
 
+@dataclass(eq=False)
 class Concurrence:
     """Behaviors that are executed side by side, stepped in the order in which they were added.
 
@@ -28,28 +30,19 @@ class Concurrence:
         input_keys, output_keys: data that it takes from its container, and gives back.
     """
 
-    def __init__(
-        self,
-        outcomes: tuple[str, ...],
-        default: str,
-        outcome_map: Mapping[str, Mapping[str, str]] | None = None,
-        *,
-        outcome_function: Callable[[Outcomes], str | None] | None = None,
-        ends_when: Callable[[Outcomes], bool] | None = None,
-        input_keys: tuple[str, ...] = (),
-        output_keys: tuple[str, ...] = (),
-    ) -> None:
-        self.outcomes: tuple[str, ...] = tuple(outcomes)
-        self.default: str = default
-        self.outcome_map: dict[str, dict[str, str]] = {name: dict(rule) for name, rule in (outcome_map or {}).items()}
-        self.outcome_function: Callable[[Outcomes], str | None] | None = outcome_function
-        self.ends_when: Callable[[Outcomes], bool] | None = ends_when
-        self.input_keys: tuple[str, ...] = tuple(input_keys)
-        self.output_keys: tuple[str, ...] = tuple(output_keys)
-        self.children: dict[str, tuple[Behavior, dict[str, str]]] = {}
-        for name in (default, *self.outcome_map):
-            if name not in self.outcomes:
-                raise UnknownNameError(f"A concurrence has no outcome '{name}'.", fix=suggest(name, self.outcomes))
+    outcomes: tuple[str, ...]
+    default: str
+    outcome_map: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    _: KW_ONLY
+    outcome_function: Callable[[Outcomes], str | None] | None = None
+    ends_when: Callable[[Outcomes], bool] | None = None
+    input_keys: tuple[str, ...] = ()
+    output_keys: tuple[str, ...] = ()
+    children: dict[str, tuple[Behavior, Mapping[str, str]]] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        for name in (self.default, *self.outcome_map):
+            check_known(name, self.outcomes, f"A concurrence has no outcome '{name}'.")
 
     def add(self, label: str, behavior: Behavior, remapping: Mapping[str, str] | None = None) -> None:
         """Add a state or a container.
@@ -74,15 +67,9 @@ class Concurrence:
         seen: dict[frozenset[tuple[str, str]], str] = {}
         for name, rule in self.outcome_map.items():
             for label, outcome in rule.items():
-                if label not in self.children:
-                    raise UnknownNameError(
-                        f"The outcome map of '{path}' names '{label}'.", fix=suggest(label, self.children)
-                    )
+                check_known(label, self.children, f"The outcome map of '{path}' names '{label}'.")
                 known = (*self.children[label][0].outcomes, PREEMPTED)
-                if outcome not in known:
-                    raise UnknownNameError(
-                        f"The outcome map of '{path}' waits for '{outcome}' of '{label}'.", fix=suggest(outcome, known)
-                    )
+                check_known(outcome, known, f"The outcome map of '{path}' waits for '{outcome}' of '{label}'.")
             other = seen.setdefault(frozenset(rule.items()), name)
             if other != name:
                 raise ConfigError(
@@ -101,10 +88,7 @@ class Concurrence:
         if self.outcome_function is not None:
             given = self.outcome_function(dict(found))
             if given is not None:
-                if given not in self.outcomes:
-                    raise UnknownNameError(
-                        f"outcome_function of '{path}' returned '{given}'.", fix=suggest(str(given), self.outcomes)
-                    )
+                check_known(given, self.outcomes, f"outcome_function of '{path}' returned '{given}'.")
                 return given
         fitting = [
             (len(rule), name)
@@ -117,24 +101,17 @@ class Concurrence:
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> ConcurrenceExecution:
         """Return one execution."""
-        return ConcurrenceExecution(self, path, data, remapping, owner)
+        scope = Scope(path, data, self.input_keys, self.output_keys, remapping)
+        return ConcurrenceExecution(self, path, scope, owner)
 
 
 class ConcurrenceExecution:
     """One execution of a concurrence."""
 
-    def __init__(
-        self,
-        concurrence: Concurrence,
-        path: str,
-        outer: dict[str, Any],
-        remapping: Mapping[str, str],
-        owner: Endpoint,
-    ) -> None:
-        self._concurrence, self._path = concurrence, path
-        self._scope = Scope(path, outer, concurrence.input_keys, concurrence.output_keys, remapping)
+    def __init__(self, concurrence: Concurrence, path: str, scope: Scope, owner: Endpoint) -> None:
+        self._concurrence, self._path, self._scope = concurrence, path, scope
         self._running: dict[str, Execution] = {
-            label: behavior.execution(f"{path}/{label}", self._scope.data, own, owner)
+            label: behavior.execution(f"{path}/{label}", scope.data, own, owner)
             for label, (behavior, own) in concurrence.children.items()
         }
         self._found: Outcomes = dict.fromkeys(concurrence.children)

@@ -71,7 +71,7 @@ class FlowFactory(EndpointFactory):
         return FlowEndpoint(self, parent, self.name)
 
 
-EVENTS = ("transition", "done", "step", "preempt", "goto", "start")  # that no other component needs
+HANDLED = ("step", "preempt", "goto", "start")  # events, besides those that its states wait for
 
 
 class FlowEndpoint(Endpoint):
@@ -95,7 +95,8 @@ class FlowEndpoint(Endpoint):
         self._data = data_copy("userdata", factory.userdata)
         self._execution: SequentialExecution | None = None
         self._last: dict[str, Any] | None = None
-        self.optional_events: Collection[str] = [f"{name}.{what}" for what in EVENTS]
+        # That no other component needs.
+        self.optional_events: Collection[str] = [f"{name}.{what}" for what in ("transition", "done", *HANDLED)]
         self._set_handlers()
 
     def begin(self) -> None:
@@ -136,7 +137,7 @@ class FlowEndpoint(Endpoint):
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {why}")
             return None
         execution.scope.data.update(data_copy(task.name, data))
-        return self._results(execution.go_to(self._flow.child(label), step), step)
+        return self._results(execution.go_to(known[label], step), step)
 
     def on_start(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Begin again, if it has ended."""
@@ -190,12 +191,8 @@ class FlowEndpoint(Endpoint):
 
     def _set_handlers(self) -> None:
         """Handle what the active states wait for, and what is always handled."""
-        name = self.name
         handlers: TaskHandlerMap = {
-            (TaskType.event, f"{name}.step"): self.on_step,
-            (TaskType.event, f"{name}.preempt"): self.on_preempt,
-            (TaskType.event, f"{name}.goto"): self.on_goto,
-            (TaskType.event, f"{name}.start"): self.on_start,
+            (TaskType.event, f"{self.name}.{what}"): getattr(self, f"on_{what}") for what in HANDLED
         }
         for wait in [] if self._execution is None else self._execution.waits():
             if wait.kind == "page":

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
-from snr_sim.behaviors.flow.state import PREEMPTED, Behavior
-from snr_sim.behaviors.flow.userdata import Scope
+from snr_sim.behaviors.flow.state import PREEMPTED, Behavior, check_outcomes
+from snr_sim.behaviors.flow.userdata import Scope, check_known
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ConfigError
 
 MAX_MOVES = 100  # of one flow in one step
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A state in a flow: its label, where its outcomes lead, and the flow's names for its keys."""
-
-    label: str
-    behavior: Behavior
-    transitions: Mapping[str, str]
-    remapping: Mapping[str, str]
-
-
+@dataclass(eq=False)
 class Flow:
     """States one after the other. The state that was added first is the initial one.
 
@@ -35,26 +26,17 @@ class Flow:
         connector: an outcome that leads to the state added next, if `transitions` has no other: a sequence.
     """
 
-    def __init__(
-        self,
-        name: str,
-        outcomes: tuple[str, ...],
-        *,
-        input_keys: tuple[str, ...] = (),
-        output_keys: tuple[str, ...] = (),
-        connector: str = "",
-    ) -> None:
-        if not isinstance(outcomes, tuple) or not outcomes:
-            raise ConfigError(
-                f"Flow '{name}' has the outcomes {outcomes!r}.", fix='outcomes=("done",), with the comma.'
-            )
-        self.name: str = name
-        self.outcomes: tuple[str, ...] = tuple(outcomes)
-        self.input_keys: tuple[str, ...] = tuple(input_keys)
-        self.output_keys: tuple[str, ...] = tuple(output_keys)
-        self.connector: str = connector
-        self.initial: str = ""
-        self.entries: dict[str, Entry] = {}
+    name: str
+    outcomes: tuple[str, ...]
+    _: KW_ONLY
+    input_keys: tuple[str, ...] = ()
+    output_keys: tuple[str, ...] = ()
+    connector: str = ""
+    initial: str = field(default="", init=False)
+    entries: dict[str, Child] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        check_outcomes(self.outcomes, f"Flow '{self.name}'")
 
     def add(
         self,
@@ -81,25 +63,18 @@ class Flow:
             raise ConfigError(
                 f"'{label}' of flow '{self.name}' is the class.", fix=f"{behavior.__name__}(), with brackets."
             )
-        known = {*behavior.outcomes, PREEMPTED}
+        known = (*behavior.outcomes, PREEMPTED)
         for outcome in transitions or {}:
-            if outcome not in known:
-                raise UnknownNameError(
-                    f"'{label}' of flow '{self.name}' has no outcome '{outcome}'.", fix=suggest(outcome, sorted(known))
-                )
+            check_known(outcome, known, f"'{label}' of flow '{self.name}' has no outcome '{outcome}'.")
+        keys = sorted({*behavior.input_keys, *behavior.output_keys})
         for key in remapping or {}:
-            if key not in (*behavior.input_keys, *behavior.output_keys):
-                keys = sorted({*behavior.input_keys, *behavior.output_keys})
-                raise UnknownNameError(
-                    f"'{label}' of flow '{self.name}' has no key '{key}' to remap.", fix=suggest(key, keys)
-                )
+            check_known(key, keys, f"'{label}' of flow '{self.name}' has no key '{key}' to remap.")
         self.initial = self.initial or label
-        self.entries[label] = Entry(label, behavior, dict(transitions or {}), dict(remapping or {}))
+        self.entries[label] = Child(label, behavior, dict(remapping or {}), dict(transitions or {}))
 
     def set_initial(self, label: str) -> None:
         """Begin with another state than the one that was added first."""
-        if label not in self.entries:
-            raise UnknownNameError(f"Flow '{self.name}' has no state '{label}'.", fix=suggest(label, self.entries))
+        check_known(label, self.entries, f"Flow '{self.name}' has no state '{label}'.")
         self.initial = label
 
     def target(self, label: str, outcome: str) -> str:
@@ -134,20 +109,12 @@ class Flow:
         for label, entry in self.entries.items():
             for outcome in (*entry.behavior.outcomes, *entry.transitions):
                 target = self.target(label, outcome)
-                if target not in self.entries and target not in ends:
-                    raise UnknownNameError(
-                        f"Outcome '{outcome}' of '{path}/{label}' leads to '{target}', which is neither a state nor an "
-                        "outcome of the flow.",
-                        fix=suggest(target, [*self.entries, *self.outcomes]),
-                    )
+                if target not in ends:
+                    message = f"Outcome '{outcome}' of '{path}/{label}' leads to '{target}', which is neither a state"
+                    check_known(target, self.entries, f"{message} nor an outcome of the flow.")
             if label not in reached:
                 raise ConfigError(f"No outcome leads to '{path}/{label}'.", fix="leave it out, or let one lead there.")
             entry.behavior.check(f"{path}/{label}")
-
-    def child(self, label: str) -> Child:
-        """Return a state to enter."""
-        entry = self.entries[label]
-        return Child(label, entry.behavior, entry.remapping)
 
     def execution(
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
@@ -156,7 +123,7 @@ class Flow:
 
         def choose(label: str, outcome: str) -> Child | str:
             target = self.target(label, outcome) if label else self.initial
-            return self.child(target) if target in self.entries else target
+            return self.entries.get(target, target)
 
         scope = Scope(path, data, self.input_keys, self.output_keys, remapping)
         return SequentialExecution(path, scope, owner, choose, MAX_MOVES, is_noted=True)

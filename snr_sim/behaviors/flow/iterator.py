@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 from snr_sim.behaviors.flow.sequential import Child, SequentialExecution
 from snr_sim.behaviors.flow.state import Behavior
-from snr_sim.behaviors.flow.userdata import Scope, data_copy
+from snr_sim.behaviors.flow.userdata import Scope, check_known, data_copy
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ConfigError
 
 MAX_TURNS = 10_000  # in one step, without waiting
 
 
+@dataclass(eq=False)
 class Iterator:
     """A behavior, executed once for each item.
 
@@ -25,32 +27,20 @@ class Iterator:
         input_keys, output_keys: data that it takes from its container, and gives back.
     """
 
-    def __init__(
-        self,
-        outcomes: tuple[str, ...],
-        items: Sequence[Any] | Callable[[], Sequence[Any]],
-        key: str,
-        exhausted: str,
-        *,
-        input_keys: tuple[str, ...] = (),
-        output_keys: tuple[str, ...] = (),
-    ) -> None:
-        self.outcomes: tuple[str, ...] = tuple(outcomes)
-        self.items: Sequence[Any] | Callable[[], Sequence[Any]] = items
-        self.key: str = key
-        self.exhausted: str = exhausted
-        self.input_keys: tuple[str, ...] = tuple(input_keys)
-        self.output_keys: tuple[str, ...] = tuple(output_keys)
-        self.label: str = ""
-        self.behavior: Behavior | None = None
-        self.loops: tuple[str, ...] = ()
-        self.breaks: tuple[str, ...] = ()
-        self.remapping: dict[str, str] = {}
-        if exhausted not in self.outcomes:
-            raise UnknownNameError(
-                f"The iterator's exhausted={exhausted!r} is not among its outcomes.",
-                fix=suggest(exhausted, self.outcomes),
-            )
+    outcomes: tuple[str, ...]
+    items: Sequence[Any] | Callable[[], Sequence[Any]]
+    key: str
+    exhausted: str
+    _: KW_ONLY
+    input_keys: tuple[str, ...] = ()
+    output_keys: tuple[str, ...] = ()
+    child: Child | None = field(default=None, init=False)
+    loops: tuple[str, ...] = field(default=(), init=False)
+    breaks: tuple[str, ...] = field(default=(), init=False)
+
+    def __post_init__(self) -> None:
+        message = f"The iterator's exhausted={self.exhausted!r} is not among its outcomes."
+        check_known(self.exhausted, self.outcomes, message)
 
     def set_behavior(
         self,
@@ -71,12 +61,8 @@ class Iterator:
             remapping: the iterator's name for a key of the behavior, where it is another one.
         """
         for outcome in (*loops, *breaks):
-            if outcome not in behavior.outcomes:
-                raise UnknownNameError(
-                    f"'{label}' has no outcome '{outcome}'.", fix=suggest(outcome, behavior.outcomes)
-                )
-        self.label, self.behavior = label, behavior
-        self.loops, self.breaks, self.remapping = tuple(loops), tuple(breaks), dict(remapping or {})
+            check_known(outcome, behavior.outcomes, f"'{label}' has no outcome '{outcome}'.")
+        self.child, self.loops, self.breaks = Child(label, behavior, dict(remapping or {}), {}), loops, breaks
 
     def does_loop(self, outcome: str) -> bool:
         """Return whether the next item follows an outcome."""
@@ -86,22 +72,19 @@ class Iterator:
 
     def check(self, path: str) -> None:
         """Check that it has a behavior, and what is inside it."""
-        if self.behavior is None:
+        if self.child is None:
             raise ConfigError(f"Iterator '{path}' has no behavior.", fix='iterator.set_behavior("GRAB", Grab()).')
         for outcome in self.breaks:
-            if outcome not in self.outcomes:
-                raise UnknownNameError(
-                    f"Iterator '{path}' breaks with '{outcome}', which is not one of its outcomes.",
-                    fix=suggest(outcome, self.outcomes),
-                )
-        self.behavior.check(f"{path}/{self.label}")
+            message = f"Iterator '{path}' breaks with '{outcome}', which is not one of its outcomes."
+            check_known(outcome, self.outcomes, message)
+        self.child.behavior.check(f"{path}/{self.child.label}")
 
     def execution(
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> SequentialExecution:
         """Return one execution."""
-        behavior = self.behavior
-        assert behavior is not None
+        child = self.child
+        assert child is not None
         scope = Scope(path, data, self.input_keys, self.output_keys, remapping)
         left: list[Any] = []
 
@@ -114,6 +97,6 @@ class Iterator:
             if not left:
                 return self.exhausted
             scope.data[self.key] = left.pop(0)
-            return Child(self.label, behavior, self.remapping)
+            return child
 
         return SequentialExecution(path, scope, owner, choose, MAX_TURNS, is_noted=False)

@@ -15,11 +15,12 @@ from snr_sim.prelude.errors import TaskError
 
 
 class Child(NamedTuple):
-    """A child to execute: its label, and the container's names for its keys."""
+    """A child to execute: its label, the container's names for its keys, and where its outcomes lead in a flow."""
 
     label: str
     behavior: Behavior
     remapping: Mapping[str, str]
+    transitions: Mapping[str, str]
 
 
 Choose: TypeAlias = Callable[[str, str], "Child | str"]  # by label and outcome: what follows, or the final outcome

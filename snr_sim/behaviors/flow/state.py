@@ -23,6 +23,16 @@ PREEMPTED = "preempted"  # the outcome of what was preempted
 MAX_YIELDS = 10_000  # without a wait: then it is a loop without end
 
 
+def check_outcomes(outcomes: object, who: str) -> None:
+    """Check that outcomes are a tuple: of a text the letters would be taken.
+
+    Raises:
+        ConfigError: they are not, or there are none.
+    """
+    if not isinstance(outcomes, tuple) or not outcomes:
+        raise ConfigError(f"{who} has the outcomes {outcomes!r}.", fix='outcomes=("done",), with the comma.')
+
+
 class Behavior(Protocol):
     """A state, or a container of states."""
 
@@ -124,10 +134,7 @@ class State:
 
     def check(self, path: str) -> None:
         """Check that it declares outcomes and has a `run`."""
-        if not isinstance(self.outcomes, tuple) or not self.outcomes:
-            raise ConfigError(
-                f"'{path}' has the outcomes {self.outcomes!r}.", fix='outcomes = ("done",), with the comma.'
-            )
+        check_outcomes(self.outcomes, f"'{path}'")
         if type(self).run is State.run:
             raise ConfigError(f"{type(self).__name__} at '{path}' has no run().", fix="def run(self, userdata):")
 

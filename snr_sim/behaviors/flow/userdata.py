@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import Any
 
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.snapshot import snapshot
+
+
+def check_known(name: str, known: Collection[str], message: str, listed: str = "one of") -> None:
+    """Check that a name is known.
+
+    Raises:
+        UnknownNameError: it is not; with the message and the nearest name, or all of them after `listed`.
+    """
+    if name not in known:
+        raise UnknownNameError(message, fix=suggest(name, known, listed))
 
 
 class Userdata:
@@ -33,16 +43,10 @@ class Userdata:
         """
         if name.startswith("__"):
             raise AttributeError(name)
-        outer = self._inputs.get(name)
-        if outer is None:
-            raise UnknownNameError(
-                f"{self._who} reads userdata.{name}, which is not among its input_keys.",
-                fix=suggest(name, self._inputs, "they are"),
-            )
-        if outer not in self._data:
-            raise UnknownNameError(
-                f"{self._who} reads userdata.{name}, and '{outer}' has not been set.", fix=suggest(outer, self._data)
-            )
+        who = f"{self._who} reads userdata.{name},"
+        check_known(name, self._inputs, f"{who} which is not among its input_keys.", "they are")
+        outer = self._inputs[name]
+        check_known(outer, self._data, f"{who} and '{outer}' has not been set.")
         value = self._data[outer]
         return snapshot(value, []) if name in self._outputs else frozen(value)
 
@@ -53,13 +57,9 @@ class Userdata:
             UnknownNameError: it is not among the state's `output_keys`.
             ParameterError: it is not data.
         """
-        outer = self._outputs.get(name)
-        if outer is None:
-            raise UnknownNameError(
-                f"{self._who} writes userdata.{name}, which is not among its output_keys.",
-                fix=suggest(name, self._outputs, "they are"),
-            )
-        self._data[outer] = data_copy(f"userdata.{name} of {self._who}", value)
+        message = f"{self._who} writes userdata.{name}, which is not among its output_keys."
+        check_known(name, self._outputs, message, "they are")
+        self._data[self._outputs[name]] = data_copy(f"userdata.{name} of {self._who}", value)
 
 
 def data_copy(what: str, value: Any) -> Any:

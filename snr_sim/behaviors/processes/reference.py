@@ -27,20 +27,21 @@ import msgspec
 
 from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoopFactory
+from snr_sim.behaviors.flow.userdata import check_known
 from snr_sim.behaviors.interpreter import Interpreter
 from snr_sim.behaviors.processes.control_process import ControlProcess, ControlProcessFactory
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 OnStuck: TypeAlias = Literal["fail", "detach", "failsafe"]
 States: TypeAlias = Mapping[str, Mapping[str, str]]  # from each state by event to the next
 NOOP = "NOOP"  # an event without effect, as in Kooi's program
-EVENTS = ("transition", "dropped", "attach", "detach", "stop", "step", "publish", "ended", "left", "crashed")
+HANDLED = ("publish", "ended", "left", "crashed", "attach", "detach", "stop", "step")  # events, besides those of states
 
 
 def reference_parts(
@@ -155,17 +156,11 @@ class Reference(Endpoint):
         self._dead: set[str] = set()
         self._deadline_s = 0.0
         signals = {event for then in factory.states.values() for event in then}
-        self.optional_events = [*(f"{name}.{what}" for what in EVENTS), *signals, NOOP]  # most come by `publish`
+        own = [f"{name}.{what}" for what in ("transition", "dropped", *HANDLED)]
+        self.optional_events = [*own, *signals, NOOP]  # most come by `publish`
         self.task_handlers = {
             **{(TaskType.event, event): self.on_event for event in sorted({*signals, NOOP})},
-            (TaskType.event, f"{name}.publish"): self.on_publish,
-            (TaskType.event, f"{name}.ended"): self.on_ended,
-            (TaskType.event, f"{name}.left"): self.on_left,
-            (TaskType.event, f"{name}.crashed"): self.on_crashed,
-            (TaskType.event, f"{name}.attach"): self.on_attach,
-            (TaskType.event, f"{name}.detach"): self.on_detach,
-            (TaskType.event, f"{name}.stop"): self.on_stop,
-            (TaskType.event, f"{name}.step"): self.on_step,
+            **{(TaskType.event, f"{name}.{what}"): getattr(self, f"on_{what}") for what in HANDLED},
         }
 
     @property
@@ -191,12 +186,9 @@ class Reference(Endpoint):
         self.schedule([self._page_task()])
 
     def _check(self, name: str) -> None:
-        found = self._factories().get(name)
-        if found is None:
-            raise UnknownNameError(
-                f"'{self.name}' waits for '{name}', which is not a control process of this node.",
-                fix=suggest(name, self._factories()),
-            )
+        known = self._factories()
+        check_known(name, known, f"'{self.name}' waits for '{name}', which is not a control process of this node.")
+        found = known[name]
         if found.of != self.name:
             self._refuse_of(name, found.of)
         have, needed = found.states, self.factory.states
@@ -204,10 +196,8 @@ class Reference(Endpoint):
         surplus = [one for one in have if one not in needed]
         if missing or surplus:
             what = f"has no state '{missing[0]}'" if missing else f"has the state '{surplus[0]}'"
-            known = list(have) if missing else list(needed)
-            raise ConfigError(
-                f"Control process '{name}' {what}, unlike '{self.name}'.", fix=suggest((missing or surplus)[0], known)
-            )
+            fix = suggest((missing or surplus)[0], have if missing else needed)
+            raise ConfigError(f"Control process '{name}' {what}, unlike '{self.name}'.", fix=fix)
 
     def _refuse_of(self, name: str, of: str) -> NoReturn:
         what = f"Control process '{name}' has of='{of}', which is not the reference machine that it is to follow."
