@@ -17,6 +17,7 @@ from snr_sim.prelude.recorder import Handled, TaskRef
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.recording.compare import Difference, Tolerance, first_difference, only_reordered
 from snr_sim.recording.node_trace import encode_task, process_of
+from snr_sim.recording.nondeterminism import unwatched
 from snr_sim.recording.records import (
     BeginRecord,
     ErrorRecord,
@@ -146,6 +147,7 @@ class ReplayChecker:
         self.result.records.append(record)
         return (task, record.seq, 0, ReturnedTask(record.type, record.name, record.values))
 
+    @unwatched
     def task(self, now_s: float, task_ref: TaskRef, handled: Sequence[Handled]) -> list[TaskRef]:
         """Compare what the handlers of a task returned."""
         task, cause, index, encoded = task_ref

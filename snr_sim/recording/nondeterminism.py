@@ -15,15 +15,17 @@ import os
 import random
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType, FunctionType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from snr_sim.core.machine import EventMachine
 from snr_sim.core.source_location import is_student_file, short_path
 
+P = ParamSpec("P")
+R = TypeVar("R")
 _CLOCK_HINT = "self.get_time_s() is the node's time, and repeats"
 _RANDOM_HINT = "self.rng is the component's own chance, and repeats"
 _READ_HINT = "read it in the factory or in a Loop, so that it does not change between runs"
@@ -63,6 +65,7 @@ _RANDOM = {
     if isinstance(function, FunctionType) and not name.startswith("_") and name not in ("seed", "getstate", "setstate")
 }
 _SHARED = random.random.__self__  # type: ignore[attr-defined]
+_RANDOM_GLOBALS = vars(random)
 _RANDOM_SEED = random.Random.seed.__code__
 _RANDOM_MADE = random.Random.__init__.__code__
 _NUMPY_LEGACY = (
@@ -107,7 +110,8 @@ class _CallWatcher:
                 return  # unhashable, so it cannot be one of the watched functions
             if found is not None:
                 self.report(frame, *found)
-        elif event == "call":
+        # By globals first, as each look at a frame's code is an audit event: those calls were half of a replay's time.
+        elif event == "call" and frame.f_globals is _RANDOM_GLOBALS:
             if frame.f_code is _RANDOM_SEED and frame.f_locals.get("a") is None:
                 caller, what = frame.f_back, "random.seed()"
                 if caller is not None and caller.f_code is _RANDOM_MADE:
@@ -154,6 +158,23 @@ def _stack(frame: FrameType | None) -> Iterator[FrameType]:
     while frame is not None:
         yield frame
         frame = frame.f_back
+
+
+def unwatched(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a function that replays call between handlers: no call below it is a component's."""
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        watcher = sys.getprofile()
+        if watcher is None:
+            return function(*args, **kwargs)
+        sys.setprofile(None)
+        try:
+            return function(*args, **kwargs)
+        finally:
+            sys.setprofile(watcher)
+
+    return call
 
 
 _current: _CallWatcher | None = None

@@ -13,7 +13,7 @@ import socket
 import struct
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -39,11 +39,11 @@ SECRET = b"the secret of these tests"
 WARM = """
 import os, signal, socket, struct, sys
 sys.path[:] = {path!r}
-import numpy.ma, numpy.typing, tomllib
+import fcntl, numpy.ma, numpy.random, numpy.typing, resource, tomllib
 from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Node, TaskType
 from snr_sim.behaviors import endpoint, explore, language
 from snr_sim.core import lockstep, runners
-from snr_sim.devices import simulated
+from snr_sim.devices import simulated, terminal_keys
 from snr_sim.devices.sensors import camera
 from snr_sim.devices.sensors import echo_sounder
 from snr_sim.devices.sensors import hull_sensors
@@ -55,6 +55,7 @@ from snr_sim.plants.urov import t200
 from snr_sim.plants.urov import vehicle_file
 from snr_sim.scenario import machine_controller
 from snr_sim.std_mods import allocation, slew, thrust_curve
+from snr_sim import links, teleop
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
 asked = socket.socket(fileno={line})
 while True:
@@ -163,11 +164,16 @@ class Mark(NamedTuple):
 def mark(tmp_path: Path, warm_children: None) -> Callable[..., Mark]:
     """Return a function that grades a lab's reference, or a mistake of its table, or its starter alone.
 
-    `single_hidden` is a check whose cases are flights, which take long: of these one that is hidden is enough.
+    `single_hidden` are checks whose cases are flights, which take long: of these one that is hidden is enough.
     """
 
     def mark(
-        lab: str, mistake: str = "", *, starter: bool = False, is_hidden: bool = False, single_hidden: str = ""
+        lab: str,
+        mistake: str = "",
+        *,
+        starter: bool = False,
+        is_hidden: bool = False,
+        single_hidden: Collection[str] = (),
     ) -> Mark:
         handed_in = tmp_path / "handed_in"
         if starter:
@@ -175,7 +181,7 @@ def mark(tmp_path: Path, warm_children: None) -> Callable[..., Mark]:
         else:
             write_solution(lab, handed_in, mistake)
         checks = find_lab(lab)
-        checks.checks = tuple(one_hidden(check) if check.name == single_hidden else check for check in checks.checks)
+        checks.checks = tuple(one_hidden(check) if check.name in single_hidden else check for check in checks.checks)
         graded = grade_submission(checks, handed_in, SECRET if is_hidden else None, isolation="none")
         assert graded.status == "graded", graded.error
         cases = [case for check in graded.checks for case in check.cases if not case.is_passed]
@@ -227,15 +233,27 @@ def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
 
 
 @pytest.fixture
-def leave_out(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
-    """Return a function that has some checks not tried: flights take long, and most mistakes show without."""
+def choose_checks(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Return a function that has only those checks of a lab tried of which another function is true."""
 
-    def leave_out(*names: str) -> None:
+    def choose(is_tried: Callable[[Check], bool]) -> None:
         def load(path: Path) -> Lab:
             lab = load_lab(path)
-            lab.checks = tuple(check for check in lab.checks if check.name not in names)
+            lab.checks = tuple(filter(is_tried, lab.checks))
             return lab
 
         monkeypatch.setattr("snr_sim.grading.lab.lab.load_lab", load)
 
-    return leave_out
+    return choose
+
+
+@pytest.fixture
+def leave_out(choose_checks: Callable[..., None]) -> Callable[..., None]:
+    """Return a function that has some checks not tried: flights take long, and most mistakes show without."""
+    return lambda *names: choose_checks(lambda check: check.name not in names)
+
+
+@pytest.fixture
+def try_only(choose_checks: Callable[..., None]) -> Callable[..., None]:
+    """Return a function that has no other checks tried than some: those that a mistake loses."""
+    return lambda *names: choose_checks(lambda check: check.name in names)

@@ -24,13 +24,13 @@ SPREAD = {"settling_s": (2.72, 0.48, 6.5), "overshoot": (0.046, 0.024, 0.20), "s
 
 
 def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
-    result = mark(LAB, is_hidden=True, single_hidden="holds")
+    result = mark(LAB, is_hidden=True, single_hidden=["holds"])
     assert result.lost == {}, result.feedback
 
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_wrong_solution_loses_listed_points_and_gets_hint(name: str, mark: Callable[..., Any]) -> None:
-    result = mark(LAB, name, is_hidden=True, single_hidden="holds")
+    result = mark(LAB, name, is_hidden=True, single_hidden=["holds"])
     assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.feedback
     assert MISTAKES[name].hint in result.feedback
 

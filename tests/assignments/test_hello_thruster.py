@@ -26,13 +26,13 @@ SPREAD = {"down_m": (2.170, 0.095, 1.0), "ahead_m": (0.568, 0.009, 0.4), "up_m":
 
 
 def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
-    result = mark(LAB, is_hidden=True, single_hidden="dives")
+    result = mark(LAB, is_hidden=True, single_hidden=["dives"])
     assert result.lost == {}, result.feedback
 
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_wrong_solution_loses_listed_points_and_gets_hint(name: str, mark: Callable[..., Any]) -> None:
-    result = mark(LAB, name, is_hidden=True, single_hidden="dives")
+    result = mark(LAB, name, is_hidden=True, single_hidden=["dives"])
     assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.feedback
     assert MISTAKES[name].hint in result.feedback
 

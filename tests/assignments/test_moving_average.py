@@ -26,13 +26,13 @@ MEAN_MPS, SD_MPS, LIMIT_MPS = 1.70, 0.24, 3.05
 
 
 def test_reference_gets_all_points(mark: Callable[..., Any]) -> None:
-    result = mark(LAB, is_hidden=True, single_hidden="lands")
+    result = mark(LAB, is_hidden=True, single_hidden=["lands"])
     assert result.lost == {}, result.feedback
 
 
 @pytest.mark.parametrize("name", MISTAKES)
 def test_wrong_solution_loses_listed_points_and_gets_hint(name: str, mark: Callable[..., Any]) -> None:
-    result = mark(LAB, name, is_hidden=True, single_hidden="lands")
+    result = mark(LAB, name, is_hidden=True, single_hidden=["lands"])
     assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.feedback
     assert MISTAKES[name].hint in result.feedback
 

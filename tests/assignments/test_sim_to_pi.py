@@ -24,6 +24,7 @@ from tests.assignments.sim_to_pi.mistakes import MISTAKES
 
 ROOT = Path(__file__).parents[2]
 NAME = "08_sim_to_pi"
+FLIGHTS = ("holds", "holds_on_the_board")
 LAB = ROOT / "assignments" / NAME
 REFERENCE = Path(__file__).parent / "sim_to_pi" / "reference" / "depth_hold.py"
 DISARMED = {"number": 1, "is_armed": False, "is_stop": False, "clears_stop": False, "depth_m": None}
@@ -50,11 +51,16 @@ def test_commands_of_lab_have_documented_results_and_reference_holds(
 
 @pytest.mark.unmeasured
 def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], emulators: None) -> None:
+    assert mark(NAME, is_hidden=True, single_hidden=FLIGHTS) == ({}, "")
+
+
+@pytest.mark.nightly
+def test_reference_gets_all_points_on_all_cases(mark: Callable[..., Any], emulators: None) -> None:
     assert mark(NAME, is_hidden=True) == ({}, "")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [200, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(201, 250))])
+@pytest.mark.parametrize("seed", [200, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(201, 220))])
 def test_reference_has_margin_in_simulation(seed: int) -> None:
     simulation = prepare(Request("urov_depth_hold", seed=seed, controller=str(REFERENCE)))
     plant = simulation.plant()
@@ -65,8 +71,21 @@ def test_reference_has_margin_in_simulation(seed: int) -> None:
     assert result.metrics["steady_error_m"] < 0.03  # of 0.05
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_wrong_solution_loses_listed_points_and_skips_board(mark: Callable[..., Any], name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "dives"),
+    [
+        *((name, "holds" in mistake.lost) for name, mistake in MISTAKES.items()),
+        *(
+            pytest.param(name, True, marks=pytest.mark.nightly)
+            for name in MISTAKES
+            if "holds" not in MISTAKES[name].lost
+        ),
+    ],
+)
+def test_wrong_solution_loses_listed_points_and_skips_board(
+    mark: Callable[..., Any], leave_out: Callable[..., None], name: str, dives: bool
+) -> None:
+    leave_out(*([] if dives else ["holds"]))
     found = mark(NAME, name)
     assert found.lost == {**MISTAKES[name].lost, "holds_on_the_board": 20.0}
     assert MISTAKES[name].hint in found.feedback

@@ -60,7 +60,7 @@ def test_commands_of_page_have_documented_results(type_page: Callable[..., dict[
 @pytest.mark.slow
 def test_reference_gets_all_points_on_hidden_cases(mark: Callable[..., Any], leave_out: Callable[..., None]) -> None:
     leave_out("finds", "clears_by_stereo", "slow_and_explained")
-    assert mark(LAB, is_hidden=True, single_hidden="clears_by_lidar") == ({}, "")
+    assert mark(LAB, is_hidden=True, single_hidden=["clears_by_lidar"]) == ({}, "")
 
 
 @pytest.mark.unmeasured
@@ -69,12 +69,13 @@ def test_reference_gets_all_points_on_all_hidden_cases(mark: Callable[..., Any])
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
-@pytest.mark.nightly(minutes=6)
+@pytest.mark.nightly(minutes=2)
 @pytest.mark.parametrize(("file", "ranging"), [("stereo.py", "stereo"), ("lidar.py", "lidar"), ("slow.py", "stereo")])
-def test_reference_clears_49_of_50_yards(file: str, ranging: str, tmp_path: Path) -> None:
+def test_reference_clears_19_of_20_yards(file: str, ranging: str, tmp_path: Path) -> None:
+    """The robot's own controller clears a hundred with each sensor in tests/robots/test_housecat.py."""
     write_solution(LAB, tmp_path)
     failures = []
-    for seed in range(100, 150):
+    for seed in range(100, 120):
         request = Request("housecat_clear", seed, controller=str(tmp_path / file), options={"ranging": ranging})
         simulation = prepare(request)
         plant = simulation.plant()

@@ -15,6 +15,8 @@ Snr = Callable[..., Any]
 BEGINS = "=== the run begins\n"
 MIN_MEAN, MIN_BEFORE = 5.4, 0.6
 TRIED = [one for one in MISTAKES if not one.elsewhere]
+# By number: those whose message lacks one of the six points.
+FIVE_POINTS = {23, 70, 71, 72, 74, 214, 306, 311}
 
 
 @pytest.fixture(autouse=True)
@@ -78,7 +80,8 @@ def points_of(mistake: Mistake, output: str) -> tuple[int, str]:
 def test_mistake_is_reported_with_line_and_fix(mistake: Mistake, snr: Snr, here: Path) -> None:
     output = output_of(mistake, snr, here)
     points, missing = points_of(mistake, output)
-    assert points >= 5, f"{points} of 6, without {missing}:\n{output}"
+    expected = 5 if mistake.number in FIVE_POINTS else 6
+    assert points >= expected, f"{points} of 6, without {missing}:\n{output}"
     before = points_of(mistake, output.partition(BEGINS)[0])[0] >= 5 if not mistake.then or mistake.is_before else False
     assert before or not mistake.is_before, f"reported only in the run:\n{output}"
 
@@ -104,14 +107,6 @@ def test_mistake_tested_elsewhere_has_its_test(place: str) -> None:
     assert f"def {name}(" in (Path(__file__).parents[2] / file).read_text()
 
 
-@pytest.mark.slow
-def test_mean_score_reaches_minimum(snr: Snr, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    points = {}
-    for mistake in TRIED:
-        here = tmp_path / str(mistake.number)
-        here.mkdir()
-        monkeypatch.chdir(here)
-        points[mistake.number] = points_of(mistake, output_of(mistake, snr, here))
-    mean = sum(one for one, _ in points.values()) / len(points)
-    assert mean >= MIN_MEAN, f"{mean:.2f}: { {number: lacks for number, (one, lacks) in points.items() if one < 6} }"
-    assert min(one for one, _ in points.values()) > 0, points
+def test_mean_score_reaches_minimum() -> None:
+    assert {one.number for one in TRIED} >= FIVE_POINTS
+    assert 6.0 - len(FIVE_POINTS) / len(TRIED) >= MIN_MEAN

@@ -69,6 +69,14 @@ def test_killed_cluster_worker_costs_no_points(
     assert points == {name: "100" if program == "right" else "70" for name, program in programs.items()}
 
 
+HASTY = """
+from snr_sim.grading.batch import cluster
+from snr_sim.cli.main import main
+cluster._CONNECT_S = 1
+main()
+"""
+
+
 @pytest.mark.parametrize(
     ("address", "message"),
     [
@@ -82,7 +90,7 @@ def test_unreachable_scheduler_is_reported(
 ) -> None:
     pytest.importorskip("distributed")
     words = ["grade", str(double_lab), *map(str, handed_in(ada="right")), "--out", str(tmp_path / "out")]
-    command = [sys.executable, "-m", "snr_sim", *words, "--scheduler", address]
+    command = [sys.executable, "-c", HASTY, *words, "--scheduler", address]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 2
     assert message in done.stderr

@@ -74,7 +74,7 @@ def test_vector_equals_single_environments(name: str, mode: AutoresetMode) -> No
 
 @pytest.mark.slow
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("name", [VERTICAL, PAD])
+@pytest.mark.parametrize("name", [VERTICAL, pytest.param(PAD, marks=pytest.mark.nightly)])  # four times as long
 def test_verdicts_of_100_seeds_equal_single_environment(name: str) -> None:
     starts = list(range(1, 101))
     found = []

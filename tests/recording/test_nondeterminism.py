@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, SimClock, SimRunner
-from snr_sim.recording.nondeterminism import NondeterministicCall, detect_nondeterminism
+from snr_sim.recording.nondeterminism import NondeterministicCall, detect_nondeterminism, unwatched
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -173,6 +173,18 @@ def test_detect_nondeterminism_restores_everything_on_exit() -> None:
         assert np.random.normal is not before
     assert np.random.normal is before
     assert sys.getprofile() is profile
+
+
+def test_unwatched_function_runs_without_the_profiler() -> None:
+    seen = []
+    with detect_nondeterminism():
+        watcher = sys.getprofile()
+        unwatched(lambda: seen.append(sys.getprofile()))()
+        with pytest.raises(ZeroDivisionError):
+            unwatched(lambda: 1 / 0)()
+        seen.append(sys.getprofile())
+    assert seen == [None, watcher]
+    assert watcher is not None
 
 
 def test_line_with_thousand_calls_is_reported_once(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """Every scenario, engine and seed leaves the trace that it left before, under every Python (digests.json).
 
-The digests are over the records after the header, which names versions and sources. After a change that is meant to
-alter runs, renew them and say so in CHANGELOG.md:
+The digests are over the records after the header, which names versions and sources. Each dive must also meet its
+criterion. After a change that is meant to alter runs, renew them and say so in CHANGELOG.md:
 
     python tests/scenarios/test_digests.py --write
 """
@@ -23,6 +23,7 @@ from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import run_recorded
 
 DIGESTS = Path(__file__).with_name("digests.json")
+WRITTEN: dict[str, Any] = json.loads(DIGESTS.read_text(encoding="utf-8"))
 SEEDS = (0, 1, 2)
 # Of dives, which take a second of CPU time each: one that ends at the surface, and one with a load.
 FAST = ("urov_link_loss mujoco 0", "urov_tank mujoco 0")
@@ -48,6 +49,7 @@ def digest_of(run: str, folder: Path) -> str:
     scenario, engine, seed = run.split()
     result = run_recorded(prepare(Request(scenario, int(seed), engine)), folder / FILE_NAME)
     assert (result.error, result.outcome == "interrupted") == ("", False)  # a signal ends a run, and not `--write`
+    assert result.success or not scenario.startswith("urov"), result.notes
     return records_digest(folder / FILE_NAME)
 
 
@@ -74,35 +76,33 @@ def differing_packages(written: dict[str, str]) -> str:
     return ", ".join(f"{name} {now}, not {then}" for name, then, now in pairs if now != then)
 
 
-def is_fast(run: str) -> bool:
-    return run.startswith("lander") or run in FAST
+def in_its_lane(run: str) -> Any:
+    """Return a run with its lane: a scenario's last seed is tried at night, unless all of them are quick."""
+    if run.startswith("lander") or run in FAST:
+        return run
+    return pytest.param(run, marks=pytest.mark.nightly if run.endswith(f" {SEEDS[-1]}") else pytest.mark.slow)
 
 
-@pytest.fixture(scope="session")
-def written() -> dict[str, Any]:
-    fields: dict[str, Any] = json.loads(DIGESTS.read_text(encoding="utf-8"))
-    return fields
-
-
-@pytest.mark.parametrize("run", [run if is_fast(run) else pytest.param(run, marks=pytest.mark.slow) for run in runs()])
-def test_run_keeps_recorded_digest(run: str, written: dict[str, Any], tmp_path: Path) -> None:
+# The runs of the file, as `runs` reads all robots and scenarios, whichever tests are run.
+@pytest.mark.parametrize("run", [in_its_lane(run) for run in WRITTEN["digests"]])
+def test_run_keeps_recorded_digest(run: str, tmp_path: Path) -> None:
     if differs := differing_platform(run):
         pytest.skip(f"digests.json is of {REFERENCE}; this is {differs}")
     digest = digest_of(run, tmp_path)
-    if digest == written["digests"].get(run):
+    if digest == WRITTEN["digests"].get(run):
         return
     scenario, engine, seed = run.split()
     pytest.fail(
         f"{scenario} on {engine} with seed {seed} has the digest {digest}, and in {DIGESTS.name} "
-        f"{written['digests'].get(run, 'none')}. Python {platform.python_version()}; packages: "
-        f"{differing_packages(written['packages']) or 'as then'}. Find the first difference: `snr compare` of this run "
+        f"{WRITTEN['digests'].get(run, 'none')}. Python {platform.python_version()}; packages: "
+        f"{differing_packages(WRITTEN['packages']) or 'as then'}. Find the first difference: `snr compare` of this run "
         "and of one before the change. If it is meant: python tests/scenarios/test_digests.py --write",
         pytrace=False,
     )
 
 
-def test_digests_cover_all_runs(written: dict[str, Any]) -> None:
-    assert list(written["digests"]) == runs()
+def test_digests_cover_all_runs() -> None:
+    assert list(WRITTEN["digests"]) == runs()
 
 
 def write() -> None:

@@ -96,7 +96,8 @@ def test_dive_is_reproducible_and_both_roles_replay(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["urov_depth_hold", "urov_leak"])  # the second comes up to the surface
+# The second comes up to the surface.
+@pytest.mark.parametrize("scenario", [pytest.param("urov_depth_hold", marks=pytest.mark.nightly), "urov_leak"])
 def test_dive_is_independent_of_blas_kernel(scenario: str, tmp_path: Path) -> None:
     """numpy's BLAS uses different kernels for different processors; a variable selects one."""
     digests = set()
