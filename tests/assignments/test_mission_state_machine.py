@@ -89,7 +89,7 @@ def test_other_forms_pass_mission_check_and_starter_fails_it(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(101, 120))])
+@pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(101, 150))])
 def test_reference_has_margin_at_every_gate(seed: int) -> None:
     simulation = prepare(Request("urov_gate", seed=seed, controller=str(HERE / "reference" / "mission.py")))
     plant = simulation.plant()

@@ -1,7 +1,6 @@
 """Nonsensical answers cost the student points, with a hint, and never cause an error of the lab or the grader.
 
-Three kinds of nonsense in each page are tried in the quick checks of its lab; in nightly, all kinds in all checks but
-flights, and a third of them in each flight.
+Three kinds of nonsense in each page are tried in the quick checks of its lab; in nightly, all kinds in all checks.
 """
 
 from dataclasses import replace
@@ -86,23 +85,17 @@ PAGES = [
     ("07_two_nodes", "two_nodes.py", "alarm", "state", "", ["watches"]),
     ("08_sim_to_pi", "depth_hold.py", "pwm", "pulses_us", "limits", ["stale", "stop", "holds", "holds_on_the_board"]),
 ]
-FLIGHTS = {
-    *("dives", "holds", "lands", "holds_heading", "runs_mission", "hovers", "holds_on_the_board"),
-    *("late", "cut", "gone", "watches"),
-}
 NUMBERS = {"altitude_m", "moment_nm", "force_n", "since_s", "right_px", "surge"}  # among the fields
 
 
 def tried() -> list[Any]:
     """Return lab, check, file, page, field and kind of nonsense: three kinds for each page in turn, others nightly."""
-    found: list[Any] = []
-    flights = 0
+    found = []
     for number, (lab, file, key, field, quick, more) in enumerate(PAGES):
         kinds = [kind for kind in KINDS if kind != "field number" or field not in NUMBERS]
         few = [kinds[(3 * number + i) % len(kinds)] for i in range(3)]
         for check in filter(None, [quick, *more]):
-            flights += check in FLIGHTS
-            for kind in kinds[flights % 3 :: 3] if check in FLIGHTS else kinds:
+            for kind in kinds:
                 marks = [] if check == quick and kind in few else [pytest.mark.nightly]
                 found.append(pytest.param(lab, check, file, key, field, kind, marks=marks))
     return found

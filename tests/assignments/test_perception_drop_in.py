@@ -44,7 +44,7 @@ def test_reference_gets_all_points_on_all_cases(mark: Callable[..., Any]) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(101, 120))])
+@pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(101, 150))])
 def test_reference_has_margin_in_simulation(seed: int) -> None:
     controller = str(HERE / "reference" / "perception.py")
     simulation = prepare(Request(str(FOLDER / "hover.py"), seed=seed, controller=controller))
@@ -54,7 +54,7 @@ def test_reference_has_margin_in_simulation(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [1, pytest.param(20, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("count", [1, pytest.param(50, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_reference_has_margin_in_pictures(kind: str, count: int) -> None:
     library.load_robot(library.find("robots", "urov"))

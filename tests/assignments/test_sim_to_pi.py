@@ -60,7 +60,7 @@ def test_reference_gets_all_points_on_all_cases(mark: Callable[..., Any], emulat
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [200, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(201, 220))])
+@pytest.mark.parametrize("seed", [200, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(201, 250))])
 def test_reference_has_margin_in_simulation(seed: int) -> None:
     simulation = prepare(Request("urov_depth_hold", seed=seed, controller=str(REFERENCE)))
     plant = simulation.plant()

@@ -46,7 +46,7 @@ def test_reference_gets_all_points_on_hidden_cases_of_each_end(mark: Callable[..
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "seed", [7, 9, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(KINDS, KINDS * 20))]
+    "seed", [7, 9, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(KINDS, KINDS * 50))]
 )
 def test_reference_has_margin_on_every_link(seed: int) -> None:
     controller = str(HERE / "reference" / "two_nodes.py")

@@ -105,7 +105,7 @@ def test_trained_table_lands_unseen_starts(env: Any, learned: QTable) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "seed", [pytest.param(987_654_321 + i, marks=[pytest.mark.nightly] if i else []) for i in range(10)]
+    "seed", [pytest.param(987_654_321 + i, marks=[pytest.mark.nightly] if i else []) for i in range(20)]
 )
 def test_trained_table_of_any_seed_lands_unseen_starts(seed: int, env: Any, task: VerticalBatchTask) -> None:
     table = new_table()
