@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import gc
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import TypeVar
 import msgspec
 
 from snr_sim.prelude.errors import TraceError
-from snr_sim.prelude.values import JSON_ERRORS
+from snr_sim.prelude.values import JSON_ERRORS, no_garbage_collection
 from snr_sim.recording.records import (
     SCHEMA,
     BeginRecord,
@@ -57,21 +55,6 @@ class Trace:
     def is_ended(self) -> bool:
         """Whether every node of the run has its end record."""
         return {record.node for record in self.records if isinstance(record, EndRecord)} >= set(self.header.nodes)
-
-
-@contextlib.contextmanager
-def no_garbage_collection() -> Iterator[None]:
-    """Disable the search for reference cycles in the block, for code that creates many objects without cycles.
-
-    Scanning all records of a run repeatedly while their number grows took as long as reading them.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 @no_garbage_collection()
