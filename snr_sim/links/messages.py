@@ -118,18 +118,18 @@ class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
     process: bool = True
 
 
+UNACCEPTABLE = Page("", None, "", 0.0, False)
 encode_message: Callable[[Control], bytes] = msgspec.json.Encoder().encode
 decode_control: Callable[[bytes], Control] = msgspec.json.Decoder(Control).decode
 _decode: Callable[[bytes], Control | Page] = msgspec.json.Decoder(Control | Page).decode
 _decode_head: Callable[[bytes], Control | PageHead] = msgspec.json.Decoder(Control | PageHead).decode
 
 
-def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None = None) -> Control | Page:
-    """Return the message in a frame.
+def decode_message(raw: bytes, is_acceptable: Callable[[str, str, bytes], bool] | None = None) -> Control | Page:
+    """Return the message in a frame; `UNACCEPTABLE` in the place of a long page that is not acceptable.
 
     Args:
-        is_acceptable: whether to accept a page of this key and origin; a long page that is not is returned with None as
-            its data, and costs little. None accepts all.
+        is_acceptable: whether to accept a page of this key, origin and JSON. None accepts all.
 
     Raises:
         msgspec.DecodeError: it is not JSON, or none of these messages.
@@ -138,8 +138,8 @@ def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None 
     """
     if is_acceptable is not None and len(raw) >= LONG_BYTES:
         head = _decode_head(raw)
-        if type(head) is PageHead and not is_acceptable(head.key, head.origin):
-            return Page(head.key, None, head.origin, head.created_at_s, head.process)
+        if type(head) is PageHead and not is_acceptable(head.key, head.origin, raw):
+            return UNACCEPTABLE
     check_bounds(raw)
     return (_decode_with_marks if len(raw) < LONG_BYTES else _decode_long)(raw)
 

@@ -77,6 +77,15 @@ def check_bounds(raw: bytes) -> None:
         raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="send a flatter value.")
 
 
+def memory_bytes(raw: bytes) -> int:
+    """Return an upper estimate of the memory that decoded JSON takes: `[]` is 2 bytes, and 64 with its place in a list.
+
+    >>> memory_bytes(b'[[],[],[]]')
+    330
+    """
+    return len(raw) + 32 * raw.count(b",") + 64 * raw.count(b"[") + 240 * raw.count(b"{")
+
+
 def _is_too_deep(raw: bytes) -> bool:
     brackets = _without_texts(raw).translate(_SHAPE, _NO_BRACKETS)
     depth = 1  # the innermost are the most frequent, and are removed by C code
