@@ -27,6 +27,7 @@ from snr_sim.recording.records import (
     digest_of,
 )
 from snr_sim.recording.references import References
+from snr_sim.recording.scene_check import check_scene
 
 _decode_any = msgspec.json.Decoder().decode
 
@@ -72,6 +73,10 @@ def read_trace(path: Path) -> Trace:
     lines = written.split(b"\n")
     tail = lines.pop()  # what follows the last newline: nothing, unless the file was cut
     trace_info, header = beginning_of(path, lines[:2])
+    try:
+        check_scene(header.scene)
+    except ValueError as error:
+        raise _damaged(f"{path}: the scene in its header is damaged: {error}.") from error
     records: list[Record] = []
     references = References()
     for seq, line in enumerate(lines[2:], start=1):
