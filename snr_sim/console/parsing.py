@@ -6,8 +6,8 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.links.wire_bounds import MAX_INT, MIN_INT
 from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.values import MAX_INT, MIN_INT
 
 MAX_LINE_CHARS = 16 * 1024
 MAX_NAME_CHARS = 200

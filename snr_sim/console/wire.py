@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, TypeAlias
 
 import msgspec
 
@@ -89,9 +89,8 @@ def encode_completions(number: int, words: list[str]) -> bytes:
 def result_from_reply(reply: Reply) -> CommandResult:
     """Return the answer in a reply; raise ValueEncodingError if its data is damaged, or beyond the limits."""
     raw = bytes(reply.data)
-    data: Any = decode_value(raw, WIRE_KINDS)
     check_bounds(raw)
-    return CommandResult(reply.text, data, reply.is_error, reply.about)
+    return CommandResult(reply.text, decode_value(raw, WIRE_KINDS), reply.is_error, reply.about)
 
 
 async def read_for(reader: asyncio.StreamReader, timeout_s: float) -> bytes | None:

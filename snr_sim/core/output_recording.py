@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Container, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Container, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.component import NodeComponent
 from snr_sim.core.machine import EventMachine
+from snr_sim.core.unblocked_output import unblocked_output
 
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
@@ -24,16 +25,17 @@ LEVELS: tuple[str, ...] = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL", "PRO
 
 
 @contextmanager
-def record_output(nodes: Container[Node]) -> Iterator[None]:
-    """Record what the components of these nodes print while active."""
-    stream = sys.stdout = RecordedOutput(sys.stdout, nodes)
-    try:
-        yield
-    finally:
-        stream.is_finished = True
-        # Runs on two threads need not be nested: the last one to end restores the stream.
-        while isinstance(sys.stdout, RecordedOutput) and sys.stdout.is_finished:
-            sys.stdout = sys.stdout.target
+def record_output(nodes: Collection[Node]) -> Iterator[None]:
+    """Record what the components of these nodes print while active. It does not block those on the wall clock."""
+    with nullcontext() if all(node.is_in_lock_step for node in nodes) else unblocked_output():
+        stream = sys.stdout = RecordedOutput(sys.stdout, nodes)
+        try:
+            yield
+        finally:
+            stream.is_finished = True
+            # Runs on two threads need not be nested: the last one to end restores the stream.
+            while isinstance(sys.stdout, RecordedOutput) and sys.stdout.is_finished:
+                sys.stdout = sys.stdout.target
 
 
 class RecordedOutput(io.TextIOBase):

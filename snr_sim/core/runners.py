@@ -18,6 +18,7 @@ from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.reload.watch import with_watch
 from snr_sim.core.slow_start import SlowStart
 from snr_sim.core.standard_streams import print_line
+from snr_sim.core.unblocked_output import unblocked_output
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SnrError, suggest
@@ -69,7 +70,7 @@ class SynchronousRunner:
         """
         threads = threading.enumerate()
         try:
-            with graceful_shutdown([self.node]) as signals:
+            with unblocked_output(), graceful_shutdown([self.node]) as signals:
                 self._loop(signals)
         finally:
             _log_notes([self.node], threads)

@@ -240,14 +240,14 @@ class Fleet(Transport):
         """Send a page to all others; on the node's thread."""
         raise NotImplementedError
 
-    def accept_page(self, member: Member, page: Page, by: object) -> None:
+    def accept_page(self, member: Member, page: Page, raw: bytes, by: object) -> None:
         """Store a page that another member sent, if this node accepts it."""
         link, robots, accept = self.link, self.subscription.robots, self.link.options.accept
         is_mine = page.origin == self.member.name  # its own page, back over another path
         is_subscribed = not is_mine and (robots is None or member.robot in robots)
         if is_subscribed and (accept is None or link.is_accepted(page.key, accept)):
             page = member.with_namespace(page, self.member, self.subscription.namespaced)
-            if 0 < len(page.key) <= MAX_KEY_CHARS and (accept is not None or link.has_room_for(page.key)):
+            if 0 < len(page.key) <= MAX_KEY_CHARS and (accept is not None or link.has_room_for(page.key, raw)):
                 link.accept_pages([page], by, is_chosen=True)
                 return
         link.rejected += 1
@@ -323,7 +323,7 @@ class SimulatedFleet(Fleet):
         """Receive a page."""
         peer = self._peer_of(sender)
         if peer is not None:
-            self.accept_page(sender.member, Page.deserialize(raw), peer)
+            self.accept_page(sender.member, Page.deserialize(raw), raw, peer)
 
     def _peer_of(self, sender: SimulatedFleet) -> RemotePeer | None:
         if sender not in self._channels or self.link.parent.is_terminated:

@@ -26,15 +26,17 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.page_age import LINK_PREFIX
 from snr_sim.core.page_writers import find_writer
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
+from snr_sim.links.messages import UNACCEPTABLE
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
-from snr_sim.links.wire_bounds import encode_page
+from snr_sim.links.wire_bounds import encode_page, memory_bytes
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
+from snr_sim.prelude.values import LONG_BYTES
 
 BEFORE_LOOPS = -1  # under a SimClock, pages due at the same time as loops arrive first, so that loops find them
 REPORT_PERIOD_S = 1.0
@@ -176,7 +178,8 @@ class Link(RestartingLoop):
         self.is_paused: bool = False  # nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # keys of `accept` that arrived
         self._rejected_keys: set[DataKey] = set()  # the first few keys that arrived and are not in it
-        self._any_keys: set[DataKey] = set()  # without `accept`: those that arrived
+        self._held_bytes: dict[DataKey, int] = {}  # without `accept`: keys that arrived, and memory of large pages
+        self._all_held_bytes = 0
         self._is_full = False
         self._reported: tuple[Any, ...] = ()
         self._reported_s = float("-inf")
@@ -273,7 +276,7 @@ class Link(RestartingLoop):
         is_acceptable, enter, name = self.is_acceptable, self.parent.inbox.put, self.name
         for page in pages:
             key = page.key
-            if not (is_chosen or is_acceptable(key, page.origin)):
+            if page is UNACCEPTABLE or not (is_chosen or is_acceptable(key, page.origin)):
                 self.rejected += 1
                 continue
             if key in self.options.keys:
@@ -281,29 +284,39 @@ class Link(RestartingLoop):
             enter(Task(_STORE_PAGE, key, [page]), name)
         self.received += len(pages)
 
-    def is_acceptable(self, key: DataKey, origin: str) -> bool:
-        """Whether to accept a page of this key and origin, whatever its data."""
+    def is_acceptable(self, key: DataKey, origin: str, raw: bytes = b"") -> bool:
+        """Whether to accept a page of this key, origin and JSON, which is required of large pages only."""
         if origin == self.parent.name:
             return False
         accept = self.options.accept
         if accept is not None:
             return self.is_accepted(key, accept)
         is_own_state = key in LOCAL_KEYS or (key.startswith(LINK_PREFIX) and key in self.parent.components)
-        return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state and self.has_room_for(key)
+        return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state and self.has_room_for(key, raw)
 
-    def has_room_for(self, key: DataKey) -> bool:
-        """Whether a link without `accept` takes this key: it has arrived before, or few others have. Warns once."""
-        if key in self._any_keys:
-            return True
-        if len(self._any_keys) < MAX_KEYS:
-            self._any_keys.add(key)
-            return True
+    def has_room_for(self, key: DataKey, raw: bytes) -> bool:
+        """Whether a link without `accept` takes a page of this key and JSON. Warns once.
+
+        Its peers may fill so many keys, and so much memory with the newest pages of all of them. Small pages count as
+        nothing, so that large ones do not displace them.
+        """
+        held_bytes = self._held_bytes.get(key)
+        if held_bytes is None and len(self._held_bytes) >= MAX_KEYS:
+            return self._warn_of_full(f"takes {MAX_KEYS} different keys", key)
+        if len(raw) >= LONG_BYTES:
+            total_bytes = self._all_held_bytes - (held_bytes or 0) + (size_bytes := memory_bytes(raw))
+            if total_bytes > self.options.max_held_bytes:
+                return self._warn_of_full(f"takes pages that fill {self.options.max_held_bytes / 1e6:.0f} MB", key)
+            self._all_held_bytes, self._held_bytes[key] = total_bytes, size_bytes
+        elif held_bytes is None:
+            self._held_bytes[key] = 0
+        return True
+
+    def _warn_of_full(self, what: str, key: DataKey) -> bool:
         if not self._is_full:
             self._is_full = True
             fix = "accept=[...] names the keys to take."
-            self.log.warning(
-                "'%s' takes %d different keys. %.80r is dropped, and all further. %s", self.name, MAX_KEYS, key, fix
-            )
+            self.log.warning("'%s' %s. %.80r is dropped, and all further. %s", self.name, what, key, fix)
         return False
 
     def is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:

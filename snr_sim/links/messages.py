@@ -2,8 +2,8 @@
 
 A page is exactly what `Page.serialize` returns, so its encoding for a link costs no more than recording it.
 
-The head of a page is read first. Data of a page that is not accepted are scanned and not decoded, which would take 50
-ms for 1 MiB of empty lists.
+The head of a long page is read first. Data of a page that is not accepted are scanned and not decoded, which would take
+50 ms for 1 MiB of empty lists.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from operator import or_
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
+from msgspec.structs import replace
 
 from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.structs import ensure_type_info
-from snr_sim.prelude.values import TAG, may_have_tags
+from snr_sim.prelude.values import LONG_BYTES, TAG, may_have_tags, no_garbage_collection, untag
 
 PROTOCOL = "snr"
 VERSION = 2
@@ -117,35 +118,40 @@ class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fiel
     process: bool = True
 
 
-LONG_BYTES = 4096  # from this size on, a page's head is decoded first
+UNACCEPTABLE = Page("", None, "", 0.0, False)
 encode_message: Callable[[Control], bytes] = msgspec.json.Encoder().encode
 decode_control: Callable[[bytes], Control] = msgspec.json.Decoder(Control).decode
 _decode: Callable[[bytes], Control | Page] = msgspec.json.Decoder(Control | Page).decode
 _decode_head: Callable[[bytes], Control | PageHead] = msgspec.json.Decoder(Control | PageHead).decode
 
 
-def decode_message(raw: bytes, is_acceptable: Callable[[str, str], bool] | None = None) -> Control | Page:
-    """Return the message in a frame.
+def decode_message(raw: bytes, is_acceptable: Callable[[str, str, bytes], bool] | None = None) -> Control | Page:
+    """Return the message in a frame; `UNACCEPTABLE` in the place of a long page that is not acceptable.
 
     Args:
-        is_acceptable: whether to accept a page of this key and origin; a long page that is not is returned with None as
-            its data, and costs little. None accepts all.
+        is_acceptable: whether to accept a page of this key, origin and JSON. None accepts all.
 
     Raises:
         msgspec.DecodeError: it is not JSON, or none of these messages.
         ValueEncodingError: it is a page with damaged data, or beyond the bounds of wire_bounds.py.
         RecursionError: it is nested too deeply.
     """
-    if is_acceptable is not None and len(raw) > LONG_BYTES:
+    if is_acceptable is not None and len(raw) >= LONG_BYTES:
         head = _decode_head(raw)
-        if type(head) is PageHead and not is_acceptable(head.key, head.origin):
-            return Page(head.key, None, head.origin, head.created_at_s, head.process)
+        if type(head) is PageHead and not is_acceptable(head.key, head.origin, raw):
+            return UNACCEPTABLE
+    check_bounds(raw)
+    return (_decode_with_marks if len(raw) < LONG_BYTES else _decode_long)(raw)
+
+
+def _decode_with_marks(raw: bytes) -> Control | Page:
     message = _decode(raw)
-    if type(message) is Page:
-        check_bounds(raw)
-        if may_have_tags(raw, len(b'{"$')):  # other than its own, which usually comes first
-            return Page.deserialize(raw, WIRE_KINDS)
+    if type(message) is Page and may_have_tags(raw, len(b'{"$')):  # other than its own, which usually comes first
+        return replace(message, data=untag(message.data, WIRE_KINDS))
     return message
+
+
+_decode_long: Callable[[bytes], Control | Page] = no_garbage_collection()(_decode_with_marks)
 
 
 def decoder_of(*others: Any) -> Callable[[bytes], Any]:

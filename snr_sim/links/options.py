@@ -14,6 +14,7 @@ from snr_sim.prelude.page import DataKey
 
 MAX_KEY_CHARS = 256
 MAX_KEYS = 1000  # of others, that a link without `accept` takes: each is a page in memory, until the node ends
+MAX_HELD_BYTES = 1 << 26
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,8 @@ class LinkOptions:
         name: the link is `link_<name>`, as a component and as a page.
         keys: pages of these keys are sent.
         accept: keys of the pages to accept; None accepts any, but no more than MAX_KEYS different ones.
+        max_held_bytes: without `accept`, maximum memory of the newest pages of all keys that arrive. Pages of less than
+            4 KiB do not count.
         max_frame_bytes: maximum size of a page, as it is sent.
         queue_pages: maximum number of pages that wait for one peer, and for the first peer to connect.
         policy: what happens when a queue is full.
@@ -38,6 +41,7 @@ class LinkOptions:
     name: str
     keys: tuple[DataKey, ...] = ()
     accept: frozenset[DataKey] | None = None
+    max_held_bytes: int = MAX_HELD_BYTES
     max_frame_bytes: int = MAX_FRAME_BYTES
     queue_pages: int = 10_000
     policy: Policy = "drop_oldest"
@@ -47,6 +51,7 @@ class LinkOptions:
 
     def __post_init__(self) -> None:
         self._check_count("queue_pages", None)
+        self._check_count("max_held_bytes", None)
         self._check_count("max_frame_bytes", FRAME_BYTES_LIMIT)
         if self.policy not in get_args(Policy):
             raise invalid_option("policy", self.policy, f"use one of {', '.join(get_args(Policy))}.")

@@ -371,4 +371,4 @@ def printable_line(reason: str) -> str:
     >>> printable_line("gone.\\n  Try: \\x1b[2J")
     'gone. Try: \\\\x1b[2J'
     """
-    return visible(" ".join(reason.split()))[:MAX_REASON_CHARS]
+    return visible(" ".join(reason[:MAX_REASON_CHARS].split()))[:MAX_REASON_CHARS]

@@ -15,7 +15,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.links.faults import LinkFaults
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
-from snr_sim.links.options import LinkOptions
+from snr_sim.links.options import MAX_HELD_BYTES, LinkOptions
 from snr_sim.links.security import Network, Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import SessionConfig
@@ -44,6 +44,7 @@ class SocketsPair(Addressed):
         tls: certificates.
         allow: addresses and networks that a server accepts clients from, in addition to this machine.
         max_frame_bytes: maximum size of a page.
+        max_held_bytes: maximum memory of the newest pages of all keys, of links without `accept`; see LinkOptions.
         queue_pages: maximum number of pages that wait for one peer, and for the first peer to connect.
         policy: what happens when a queue is full: "drop_oldest", or "refuse" the newest.
         faults: faults to inject in both directions.
@@ -65,6 +66,7 @@ class SocketsPair(Addressed):
         tls: Tls | None = None,
         allow: Iterable[str] = (),
         max_frame_bytes: int = MAX_FRAME_BYTES,
+        max_held_bytes: int = MAX_HELD_BYTES,
         queue_pages: int = 10_000,
         policy: Policy = "drop_oldest",
         faults: LinkFaults | None = None,
@@ -85,6 +87,7 @@ class SocketsPair(Addressed):
         self.options: LinkOptions = LinkOptions(
             name or str(self.port),
             max_frame_bytes=max_frame_bytes,
+            max_held_bytes=max_held_bytes,
             queue_pages=queue_pages,
             policy=policy,
             keep_alive_s=keep_alive_s,

@@ -2,6 +2,9 @@
 
 Ordinary code fails beyond them: an integer of 5000 digits has no `str`, one of 310 no `float`, and `repr` of a value
 that is nested 900 deep overflows the stack. So such a value could end a component that is correct.
+
+A page may have 1000 numbers with exponents of three digits. msgspec (0.22) takes 20 us to read one beyond 1e289 or
+below 1e-307, so 1 MB of them would stop all threads of the program for 3 s.
 """
 
 from __future__ import annotations
@@ -11,12 +14,16 @@ from typing import Any, NoReturn
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.values import MAX_INT, MIN_INT
 
 MAX_DEPTH = 100  # of nested objects and lists, including the message
-MIN_INT, MAX_INT = -(2**63), 2**64 - 1
-_SHAPE = bytes.maketrans(b"123456789{}", b"000000000[]")  # one digit for all digits, one kind of brackets for both
+MAX_LONG_EXPONENTS = 1000  # a lidar may report 360 times "nothing" as the largest float
+# One character for all digits and signs, one kind of brackets for both.
+_SHAPE = bytes.maketrans(b"123456789+-{}E", b"00000000000[]e")
+_LONG_EXPONENT = re.compile(rb"[eE][+-]?[0-9]{3}")
 _LONG_RUN = b"0" * len(str(-MIN_INT))  # fewer digits are always within the limits
 _LONG_INT = re.compile(rb"(?<![0-9.eE+-])-?[0-9]{%d,}(?![0-9.eE])" % len(_LONG_RUN))
+_MAX_INT_CHARS = len(str(MAX_INT))
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _MARK = b'{"$":'  # the first in a page is its own
 _OWN_INT_MARK = b'"$":"int"'
@@ -46,16 +53,16 @@ def encode_page(page: Page) -> bytes:
 
 def decode_page(raw: bytes) -> Page:
     """Return a page that arrived over a link; raise ValueEncodingError if it is not one, or beyond limits."""
-    page = Page.deserialize(raw, WIRE_KINDS)
     check_bounds(raw)
-    return page
+    return Page.deserialize(raw, WIRE_KINDS)
 
 
 def check_bounds(raw: bytes) -> None:
-    """Check plain integers and depth of JSON that is known to be valid; the decoder checks marks.
+    """Check plain numbers and depth of JSON, before it is decoded; the decoder checks marks.
 
     Raises:
-        ValueEncodingError: an integer is outside of -2^63 .. 2^64-1, or the nesting is too deep.
+        ValueEncodingError: an integer is outside of -2^63 .. 2^64-1, too many numbers have long exponents, or the
+            nesting is too deep.
 
     >>> check_bounds(b'{"count":18446744073709551615}')
     >>> check_bounds(b"[" * 100 + b"]" * 100)
@@ -64,8 +71,19 @@ def check_bounds(raw: bytes) -> None:
     shape = raw.translate(_SHAPE)
     if shape.find(_LONG_RUN) >= 0 and _has_long_int(raw):
         raise _too_long()
+    if shape.count(b"e000") > MAX_LONG_EXPONENTS:
+        check_exponents(raw)
     if len(raw) > 2 * MAX_DEPTH and shape.count(b"[") > MAX_DEPTH and _is_too_deep(raw):
         raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="send a flatter value.")
+
+
+def memory_bytes(raw: bytes) -> int:
+    """Return an upper estimate of the memory that decoded JSON takes: `[]` is 2 bytes, and 64 with its place in a list.
+
+    >>> memory_bytes(b'[[],[],[]]')
+    330
+    """
+    return len(raw) + 32 * raw.count(b",") + 64 * raw.count(b"[") + 240 * raw.count(b"{")
 
 
 def _is_too_deep(raw: bytes) -> bool:
@@ -86,8 +104,16 @@ def _without_texts(raw: bytes) -> bytes:
 
 
 def _has_long_int(raw: bytes) -> bool:
-    # Python parses at most 4300 digits, and so does msgspec, which has parsed these.
-    return any(not MIN_INT <= int(digits) <= MAX_INT for digits in _LONG_INT.findall(_without_texts(raw)))
+    found = _LONG_INT.findall(_without_texts(raw))
+    return any(len(digits) > _MAX_INT_CHARS or not MIN_INT <= int(digits) <= MAX_INT for digits in found)
+
+
+def check_exponents(raw: bytes) -> None:
+    """Raise ValueEncodingError if JSON has so many numbers with long exponents that it takes long to decode."""
+    if len(_LONG_EXPONENT.findall(_without_texts(raw))) > MAX_LONG_EXPONENTS:
+        raise ValueEncodingError(
+            f"More than {MAX_LONG_EXPONENTS} numbers are beyond 1e99 or below 1e-99.", fix="send them as a numpy array."
+        )
 
 
 def _too_long() -> ValueEncodingError:

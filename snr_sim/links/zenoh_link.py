@@ -316,7 +316,7 @@ class ZenohTransport(Fleet):
             return
         self.link.note_size(len(queued))
         peer.received += 1
-        self.accept_page(peer.member, page, peer)
+        self.accept_page(peer.member, page, queued.raw, peer)
 
     def _send_pages(self) -> None:
         """Send what waits; block as long as a remote node does not read."""

@@ -21,7 +21,7 @@ from snr_sim.links.fleet import Member, SimulatedFleet, Subscription, prefix_of
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
 from snr_sim.links.messages import MAX_NAME_CHARS
-from snr_sim.links.options import LinkOptions
+from snr_sim.links.options import MAX_HELD_BYTES, LinkOptions
 from snr_sim.links.security import Tls, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.simulated import Rendezvous
@@ -56,6 +56,7 @@ class ZenohNet:
         discover: whether to search for other nodes by multicast.
         interfaces: network interfaces for discovery; loopback if not given.
         max_page_bytes: maximum size of a page.
+        max_held_bytes: maximum memory of the newest pages of all keys, of links without `accept`; see LinkOptions.
         queue_pages: maximum number of pages that wait to be sent, and of pages that wait to be stored.
         policy: what happens when the queue is full: "drop_oldest", or "refuse" the newest.
         faults: faults to inject in what is sent.
@@ -77,6 +78,7 @@ class ZenohNet:
         discover: bool = False,
         interfaces: Iterable[str] = ("lo",),
         max_page_bytes: int = MAX_FRAME_BYTES,
+        max_held_bytes: int = MAX_HELD_BYTES,
         queue_pages: int = 10_000,
         policy: Policy = "drop_oldest",
         faults: LinkFaults | None = None,
@@ -94,6 +96,7 @@ class ZenohNet:
         self.options: LinkOptions = LinkOptions(
             name,
             max_frame_bytes=max_page_bytes,
+            max_held_bytes=max_held_bytes,
             queue_pages=queue_pages,
             policy=policy,
             keep_alive_s=keep_alive_s,

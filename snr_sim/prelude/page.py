@@ -9,7 +9,16 @@ import msgspec
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.structs import ensure_type_info
-from snr_sim.prelude.values import JSON_ERRORS, TAG, decode_value, encode_with_tags, json_bytes, may_have_tags
+from snr_sim.prelude.values import (
+    JSON_ERRORS,
+    LONG_BYTES,
+    TAG,
+    decode_value,
+    encode_with_tags,
+    json_bytes,
+    may_have_tags,
+    no_garbage_collection,
+)
 
 DataKey: TypeAlias = str
 
@@ -45,8 +54,10 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=TA
             raw = _encode(self)
             # Values that C cannot encode (NaN, a tuple, ...) decode to unequal ones. Usually the page's "$" is the only
             # one in the text; else its mark must be the only mark.
-            if (raw.rfind(b"$") == 2 or raw.count(b'"$":') == 1) and _decode_data(raw).data == self.data:
-                return raw
+            if raw.rfind(b"$") == 2 or raw.count(b'"$":') == 1:
+                decode = _decode_data if len(raw) < LONG_BYTES else _decode_long_data
+                if decode(raw).data == self.data:
+                    return raw
         except (TypeError, ValueError, OverflowError, RecursionError):
             pass  # numpy, an unknown object, nested too deeply
         return encode_with_tags(self)
@@ -82,6 +93,7 @@ class _DataOfPage(msgspec.Struct):
 
 _decode_page = msgspec.json.Decoder(Page).decode
 _decode_data = msgspec.json.Decoder(_DataOfPage).decode
+_decode_long_data = no_garbage_collection()(_decode_data)
 
 
 def _page_of(**fields: Any) -> Page:

@@ -19,22 +19,43 @@ one walk in Python, and detect every value that JSON would change.
 from __future__ import annotations
 
 import base64
+import contextlib
+import gc
 import math
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, NoneType
 from typing import Any
 
 import msgspec
 
 from snr_sim.prelude.errors import MissingExtraError, ValueEncodingError
 
+LONG_BYTES = 4096  # from this size on, JSON is decoded without searching for reference cycles
+
+
+@contextlib.contextmanager
+def no_garbage_collection() -> Iterator[None]:
+    """Disable the search for reference cycles in the block, for code that creates many objects without cycles.
+
+    Scanning all of them again and again while their number grows takes as long as creating them.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder().decode
+_decode_long = no_garbage_collection()(_decode)
 
 # Errors of decoders for bytes that are not valid JSON, or JSON of another type. For invalid UTF-8, Python's own error
 # is raised where text is required, and msgspec's elsewhere.
@@ -49,6 +70,11 @@ _ARRAY_AS_TEXT_MAX = 256
 REAL_DTYPES = frozenset("?bhilqBHILQefd")  # numpy's letters: bool, integers, and floats of at most 64 bits
 MAX_KEYS_PER_HASH = 64  # of floats and 64-bit integers, fewer than 50 have one hash
 _DTYPE = re.compile(r"bool|u?int(?:8|16|32|64)|float(?:16|32|64)")
+_ARRAY_FIELDS = tuple({TAG, "dtype", "shape", name} for name in ("data", "b64"))
+MIN_INT, MAX_INT = -(2**63), 2**64 - 1  # of JSON; other integers have a mark
+_AS_THEY_ARE = frozenset((NoneType, bool, str))
+_CONTAINERS = frozenset((list, dict))
+_UNTAGGED = object()
 _ITEM_TYPES: dict[str, tuple[type, ...]] = {"b": (bool,), "i": (int,), "u": (int,), "f": (int, float)}
 
 
@@ -65,7 +91,7 @@ def encode_value(value: Any) -> bytes:
     """
     try:
         raw = _encode(value)
-        if _decode(raw) == value and _TAG_BYTES not in raw:
+        if _TAG_BYTES not in raw and (_decode if len(raw) < LONG_BYTES else _decode_long)(raw) == value:
             return raw
     except (TypeError, ValueError, OverflowError, RecursionError):
         pass  # numpy, an unknown object, nested too deeply, a comparison that fails
@@ -75,7 +101,8 @@ def encode_value(value: Any) -> bytes:
 def encode_with_tags(value: Any) -> bytes:
     """Return the JSON of a value that is not plain; `encode_value` calls it when needed."""
     try:
-        return _encode(_tag_value(value))
+        with no_garbage_collection():
+            return _encode(_tag_value(value))
     except RecursionError:
         raise ValueEncodingError(
             "A value is nested too deeply to be stored, or contains itself.",
@@ -103,10 +130,10 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
     """
     data = json_bytes(raw)
     try:
-        value = _decode(data)
+        value = (_decode if len(data) < LONG_BYTES else _decode_long)(data)
     except JSON_ERRORS as error:
         raise ValueEncodingError(f"This is not JSON ({error}): {data[:80]!r}") from error
-    return _untag(value, kinds or {}) if may_have_tags(data) else value
+    return untag(value, kinds or {}) if may_have_tags(data) else value
 
 
 def json_bytes(raw: bytes | str) -> bytes:
@@ -127,17 +154,17 @@ def may_have_tags(raw: bytes, start: int = 0) -> bool:
 def _tag_value(value: Any) -> Any:
     """Wrap values that JSON would lose. The order matters: bool before int, subclasses after their plain parents."""
     kind = type(value)
-    if value is None or kind is bool or kind is str:
+    if kind in _AS_THEY_ARE:
         return value
     if kind is float:
         return value if math.isfinite(value) else {TAG: "float", "v": repr(value)}
     if kind is int:
-        return value if -(2**63) <= value < 2**64 else {TAG: "int", "v": hex(value)}
+        return value if MIN_INT <= value <= MAX_INT else {TAG: "int", "v": hex(value)}
     if kind is list:
-        return [_tag_value(item) for item in value]
+        return [item if type(item) in _AS_THEY_ARE else _tag_value(item) for item in value] if value else value
     if kind is dict:
-        if all(type(key) is str for key in value) and TAG not in value:
-            return {key: _tag_value(item) for key, item in value.items()}
+        if set(map(type, value)) <= {str} and TAG not in value:
+            return {key: _tag_value(item) for key, item in value.items()} if value else value
         return {TAG: "dict", "v": [[_tag_value(key), _tag_value(item)] for key, item in value.items()]}
     if kind is tuple:
         return {TAG: "tuple", "v": [_tag_value(item) for item in value]}
@@ -216,17 +243,25 @@ def _tag_array(value: Any) -> Any:
     return {**tagged, "b64": base64.b64encode(little_endian.tobytes()).decode()}
 
 
-def _untag(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
-    if isinstance(value, list):
-        return [_untag(item, kinds) for item in value]
-    if not isinstance(value, dict):
+def untag(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
+    """Return decoded JSON with what its marks stand for. Changes the lists and dicts in it."""
+    kind = type(value)
+    if kind is list:
+        for i, item in enumerate(value):
+            if item and type(item) in _CONTAINERS:
+                value[i] = untag(item, kinds)
         return value
-    if TAG not in value:
-        return {key: _untag(item, kinds) for key, item in value.items()}
-    tag = value[TAG]
+    if kind is not dict:
+        return value
+    tag = value.get(TAG, _UNTAGGED)
+    if tag is _UNTAGGED:
+        for key, item in value.items():
+            if item and type(item) in _CONTAINERS:
+                value[key] = untag(item, kinds)
+        return value
     try:
-        if isinstance(tag, str) and tag in kinds:
-            return kinds[tag](**{key: _untag(item, kinds) for key, item in value.items() if key != TAG})
+        if type(tag) is str and tag in kinds:
+            return kinds[tag](**{key: untag(item, kinds) for key, item in value.items() if key != TAG})
         if tag == "array":
             return _untag_array(value)
         return _untag_simple(tag, value, kinds)
@@ -237,10 +272,12 @@ def _untag(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
 def _untag_simple(tag: Any, value: dict[str, Any], kinds: Mapping[str, Callable[..., Any]]) -> Any:
     if tag == "object":
         raise ValueEncodingError(
-            f"A stored value was an object of class {value['type']}, which cannot be brought back from JSON.",
+            f"A stored value was an object of class {value['type']!s:.200}, which cannot be brought back from JSON.",
             fix="store a dict, a list, a tuple or a numpy array instead.",
         )
-    inner = _only(value, "v")
+    inner = value.get("v", _UNTAGGED)
+    if inner is _UNTAGGED or len(value) != 2:
+        raise _wrong_fields(value)
     if tag == "float":
         return _NOT_FINITE[inner]
     if tag == "int":
@@ -249,10 +286,11 @@ def _untag_simple(tag: Any, value: dict[str, Any], kinds: Mapping[str, Callable[
         return base64.b64decode(inner, validate=True)
     if type(inner) is not list:
         raise ValueError(f"it holds {inner!r} instead of a list")
-    items = [_untag(item, kinds) for item in inner]
+    items = untag(inner, kinds)
     if tag == "dict":
-        if any(type(pair) is not list for pair in items):
-            raise ValueError("it holds something else than pairs")
+        for pair in items:
+            if type(pair) is not list:
+                raise ValueError("it holds something else than pairs")
         return _dict_of(items)
     if tag != "tuple":
         raise ValueEncodingError(f"A stored value has the unknown kind {tag!r}; known: tuple, array, ...")
@@ -265,17 +303,15 @@ def _dict_of(pairs: list[list[Any]]) -> dict[Any, Any]:
     Hashes of numbers and tuples are public: a peer can compute keys that all have the same, and 1 MB of them would take
     Python 3 s, in which the node does nothing else.
     """
-    [(_, count)] = Counter(hash(key) for key, _ in pairs).most_common(1) or [(0, 0)]
-    if count > MAX_KEYS_PER_HASH:
-        raise ValueError(f"{count} of its keys have the same hash")
+    if len(pairs) > MAX_KEYS_PER_HASH:
+        count = max(Counter([hash(key) for key, _ in pairs]).values())
+        if count > MAX_KEYS_PER_HASH:
+            raise ValueError(f"{count} of its keys have the same hash")
     return dict(pairs)
 
 
-def _only(value: dict[str, Any], *names: str) -> Any:
-    """Return the last of these fields; there must be no others except the mark."""
-    if len(value) != len(names) + 1 or any(name not in value for name in names):
-        raise ValueError(f"it has the fields {', '.join(value)}")
-    return value[names[-1]]
+def _wrong_fields(value: dict[str, Any]) -> ValueError:
+    return ValueError(f"it has the fields {', '.join(value)}")
 
 
 def _matched(pattern: re.Pattern[str], text: Any) -> str:
@@ -290,17 +326,18 @@ def _untag_array(value: dict[str, Any]) -> Any:
     except ImportError:
         raise MissingExtraError("numpy", "sim") from None
 
-    kept = _only(value, "dtype", "shape", "b64" if "b64" in value else "data")
+    if value.keys() not in _ARRAY_FIELDS:
+        raise _wrong_fields(value)
     dtype, shape = np.dtype(_matched(_DTYPE, value["dtype"])), value["shape"]
-    if type(shape) is not list or any(type(length) is not int or length < 0 for length in shape):
-        raise ValueError(f"its shape is {shape!r}")
+    if type(shape) is not list or set(map(type, shape)) - {int} or min(shape, default=0) < 0:
+        raise ValueError("its shape is not a list of lengths")
     if "b64" in value:
-        little_endian = base64.b64decode(kept, validate=True)
+        little_endian = base64.b64decode(value["b64"], validate=True)
         flat = np.frombuffer(little_endian, dtype.newbyteorder("<")) if little_endian else np.empty(0, dtype)
         array = flat.astype(dtype).reshape(shape)
     else:
         with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
-            array = np.array(_items(kept, shape, _ITEM_TYPES[dtype.kind]), dtype).reshape(shape)
+            array = np.array(_items(value["data"], shape, _ITEM_TYPES[dtype.kind]), dtype).reshape(shape)
     return array if shape else array[()]
 
 
@@ -309,10 +346,10 @@ def _items(data: Any, shape: list[int], types: tuple[type, ...]) -> list[Any]:
     level = [data]
     for length in shape:  # a level at a time, which is in C: one number at a time takes five times as long
         if set(map(type, level)) - {list} or set(map(len, level)) - {length}:
-            raise ValueError(f"its data are not of shape {shape}")
+            raise ValueError(f"its data are not of shape {shape[:8]}")
         level = list(chain.from_iterable(level))
     if float in types and dict in set(map(type, level)):
-        level = [_untag(item, {}) if type(item) is dict else item for item in level]
+        level = [untag(item, {}) if type(item) is dict else item for item in level]
     if not set(map(type, level)) <= set(types):
         raise ValueError(f"it holds {next(item for item in level if type(item) not in types)!r} among its numbers")
     return level

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import gc
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import TypeVar
 import msgspec
 
 from snr_sim.prelude.errors import TraceError
-from snr_sim.prelude.values import JSON_ERRORS
+from snr_sim.prelude.values import JSON_ERRORS, no_garbage_collection
 from snr_sim.recording.records import (
     SCHEMA,
     BeginRecord,
@@ -29,6 +27,7 @@ from snr_sim.recording.records import (
     digest_of,
 )
 from snr_sim.recording.references import References
+from snr_sim.recording.scene_check import check_scene
 
 _decode_any = msgspec.json.Decoder().decode
 
@@ -59,21 +58,6 @@ class Trace:
         return {record.node for record in self.records if isinstance(record, EndRecord)} >= set(self.header.nodes)
 
 
-@contextlib.contextmanager
-def no_garbage_collection() -> Iterator[None]:
-    """Disable the search for reference cycles in the block, for code that creates many objects without cycles.
-
-    Scanning all records of a run repeatedly while their number grows took as long as reading them.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
-
-
 @no_garbage_collection()
 def read_trace(path: Path) -> Trace:
     """Read a trace, up to its last whole record.
@@ -89,6 +73,10 @@ def read_trace(path: Path) -> Trace:
     lines = written.split(b"\n")
     tail = lines.pop()  # what follows the last newline: nothing, unless the file was cut
     trace_info, header = beginning_of(path, lines[:2])
+    try:
+        check_scene(header.scene)
+    except ValueError as error:
+        raise _damaged(f"{path}: the scene in its header is damaged: {error}.") from error
     records: list[Record] = []
     references = References()
     for seq, line in enumerate(lines[2:], start=1):

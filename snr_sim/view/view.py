@@ -33,8 +33,9 @@ from threading import Thread
 from typing import Any
 
 from snr_sim.prelude.errors import MissingExtraError, TraceError
+from snr_sim.prelude.values import no_garbage_collection
 from snr_sim.recording.folder import VIEW_NAME, trace_path
-from snr_sim.recording.reader import no_garbage_collection, read_trace
+from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import Header, Record
 from snr_sim.view.handler_lines import handler_lines
 from snr_sim.view.view_blueprint import Layout

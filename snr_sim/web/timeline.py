@@ -10,6 +10,7 @@ import hashlib
 import re
 from collections import deque
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -251,7 +252,8 @@ def inputs_in(path: Path) -> list[DataKey]:
         size += len(line)
         match = _INPUT_PAGE.search(line)
         if match is not None:
-            found[msgspec.json.decode(match[1], type=str)] = None
+            with suppress(*JSON_ERRORS):  # a damaged line, which is an error where it is read as a record
+                found[msgspec.json.decode(match[1], type=str)] = None
         if size > _SEARCHED_FOR_NAMES or len(found) >= _MAX_INPUTS:
             break
     return list(found)

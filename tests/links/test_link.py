@@ -275,6 +275,32 @@ def test_page_about_a_peer_is_accepted_on_request(start: Callable[..., Any]) -> 
 
 
 @pytest.mark.parametrize("net", [False, True])
+def test_large_pages_of_a_peer_fill_a_stated_memory(net: bool, caplog: pytest.LogCaptureFixture) -> None:
+    keys = [f"key_{number}" for number in range(30)]
+
+    def store(loop: Any) -> None:
+        loop.store_data("first", ["x" * 40_000])
+        for key in keys:
+            loop.store_data(key, [[]] * 3000)  # 9 kB of JSON, 295 kB of lists
+        loop.store_data("small", (loop.get_time_s(), 1.0))
+        loop.store_data("first", ["y" * 40_000])  # what replaces it may be as large
+
+    options: Any = {"name": "tether", "max_held_bytes": 1_000_000}
+    pair: Any = ZenohNet(listen="tcp/127.0.0.1:7447", **options) if net else SocketsPair((HERE, 1), **options)
+    every = [*keys, "first", "small"]
+    ends = [pair.link(every), pair.link()] if net else [pair.server(every), pair.client()]
+    runner = simulate({"robot": [FunctionLoopFactory(store, rate_hz=2), ends[0]], "topside": [ends[1]]}, until_s=1.8)
+    topside = runner.nodes["topside"]
+    arrived = {key.split("/")[-1] for key in topside.datastore.pages} & set(every)
+    assert arrived == {"first", "key_0", "key_1", "key_2", "small"}
+    assert topside.get_data("small")[0] == 1.5
+    assert topside.get_data("first") == ["y" * 40_000]
+    assert topside.get_data("link_tether")["rejected"] >= 27
+    (warning,) = [one.getMessage() for one in caplog.records if "that fill" in one.getMessage()]
+    assert "'link_tether' takes pages that fill 1 MB. 'key_3' is dropped, and all further." in warning
+
+
+@pytest.mark.parametrize("net", [False, True])
 def test_peer_with_a_thousand_other_keys_fills_no_memory(
     net: bool, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,6 +15,7 @@ from snr_sim import Page
 from snr_sim.links.frames import encode_frame
 from snr_sim.links.messages import (
     LONG_BYTES,
+    UNACCEPTABLE,
     Bye,
     HelloMessage,
     Ping,
@@ -158,14 +159,14 @@ def test_pages_keep_values_that_json_would_lose() -> None:
     assert send(server, *(page.serialize() for page in pages)) == pages
 
 
-def test_long_page_not_accepted_has_no_data_and_must_be_valid() -> None:
+def test_long_page_not_accepted_is_left_out_and_must_be_valid() -> None:
     accepted, other = (Page(key, list(range(LONG_BYTES)), "a", 0.0, False) for key in ("wanted", "other"))
 
-    def is_acceptable(key: str, origin: str) -> bool:
+    def is_acceptable(key: str, origin: str, raw: bytes) -> bool:
         return (key, origin) == ("wanted", "a")
 
     assert decode_message(accepted.serialize(), is_acceptable) == accepted
-    assert decode_message(other.serialize(), is_acceptable) == Page("other", None, "a", 0.0, False)
+    assert decode_message(other.serialize(), is_acceptable) is UNACCEPTABLE
     for damaged in (other.serialize()[:-2], other.serialize().replace(b"3,4", b"3;4", 1)):
         with pytest.raises(msgspec.DecodeError):
             decode_message(damaged, is_acceptable)

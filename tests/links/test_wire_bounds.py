@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +17,7 @@ from snr_sim.console.wire import Reply, decode_request, result_from_reply
 from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
 from snr_sim.links.messages import decode_message
 from snr_sim.links.session import Session, SessionConfig
-from snr_sim.links.wire_bounds import MAX_DEPTH, check_bounds, decode_page, encode_page
+from snr_sim.links.wire_bounds import MAX_DEPTH, MAX_LONG_EXPONENTS, check_bounds, decode_page, encode_page
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
@@ -43,6 +44,8 @@ BEYOND = {
     "its mark, escaped": page(b'{"\\u0024":"\\u0069nt","v":"0x1"}'),
     "its mark, in a tuple": page(b'{"$":"tuple","v":[{"$":"int","v":"0x1"}]}'),
     "its mark, in a page": page(page(b'{"$":"int","v":"0x1"}')),
+    "numbers that take long to read": page(b"[" + b",".join([b"1e300"] * (MAX_LONG_EXPONENTS + 1)) + b"]"),
+    "the same, in another form": page(b"[" + b",".join([b"0.5E-0309"] * (MAX_LONG_EXPONENTS + 1)) + b"]"),
     "too deep": nested(MAX_DEPTH + 1),
     "deeper": nested(900),
     "too deep, of objects": page(b'{"a":' * MAX_DEPTH + b"1" + b"}" * MAX_DEPTH),
@@ -57,6 +60,9 @@ WITHIN = {
     "text": page(b'"99999999999999999999999999"'),
     "text with quotes": page(b'"\\"99999999999999999999999999\\\\"'),
     "a key": page(b'{"99999999999999999999999999":1}'),
+    "some numbers that take long to read": page(b"[" + b",".join([b"1.7976931348623157e308"] * 1000) + b"]"),
+    "numbers that do not": page(b"[" + b",".join([b"1e-30"] * 5000) + b"]"),
+    "text with exponents": page(b'"' + b"e999" * 5000 + b'"'),
     "as deep as may be": nested(MAX_DEPTH),
     "many shallow ones": page(b"[" + b"[[]],{}," * 500 + b"1]"),
     "brackets in text": page(b'"' + b"[" * 500 + b'"'),
@@ -126,6 +132,47 @@ def test_depth_of_the_longest_frame_is_found_in_half_the_time_of_its_decoding() 
     raw = b"[" + b",".join([item] * (MAX_FRAME_BYTES // (len(item) + 1))) + b"]"
     decode = msgspec.json.Decoder().decode
     assert 2 * min(cpu_s(check_bounds, raw) for _ in range(5)) < min(cpu_s(decode, raw) for _ in range(5))
+
+
+def filled(unit: bytes) -> bytes:
+    """Return a list of as many of this as a quarter of the longest frame holds."""
+    return b"[" + b",".join([unit] * (MAX_FRAME_BYTES // 4 // (len(unit) + 1))) + b"]"
+
+
+def mark(kind: bytes, value: bytes) -> bytes:
+    return b'{"$":"%s","v":%s}' % (kind, value)
+
+
+MARKED = mark(b"tuple", b"[]")
+LARGE = {
+    "numbers": filled(b"1e300"),
+    "lists": filled(b"[]"),
+    "lists and a mark": b"[%s,%s]" % (filled(b"[]"), MARKED),
+    "lists of a number, and a mark": b"[%s,%s]" % (filled(b"[0]"), MARKED),
+    "dicts and a mark": b"[%s,%s]" % (filled(b'{"":0}'), MARKED),
+    "tuples": filled(mark(b"tuple", b"[0]")),
+    "marked dicts": filled(mark(b"dict", b"[[0,0]]")),
+    "keys": mark(b"dict", b"[%s]" % b",".join(b"[%d,0]" % i for i in range(25_000))),
+    "arrays": filled(b'{"$":"array","dtype":"float32","shape":[1],"data":[0]}'),
+    "deep lists": filled(b"[" * 90 + b"]" * 90),
+    "the name of a class": b'{"$":"object","type":"%s","fields":{}}' % (b"\x7f" * (MAX_FRAME_BYTES // 4)),
+    "a damaged mark": mark(b"tuple", b'"%s"' % (b"\x7f" * (MAX_FRAME_BYTES // 4))),
+}
+
+
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("what", LARGE)
+def test_large_page_costs_little_processor_time(what: str) -> None:
+    # Before they were bounded, the numbers took 200 times as long as Python's json needs for the same size, names of
+    # classes 50 times, lists and a mark 38 times.
+    frame, plain = encode_frame(page(LARGE[what])), filled(b'[1.5,"a"]')
+
+    def receive(frame: bytes) -> None:
+        session, far = (Session(SessionConfig(name, name == "robot"), 0.0) for name in ("robot", "raw"))
+        session.receive(b"".join(far.take_output()), 0.0)
+        session.receive(frame, 0.0)
+
+    assert min(cpu_s(receive, frame) for _ in range(4)) < 20 * min(cpu_s(json.loads, plain) for _ in range(4))
 
 
 def cpu_s(act: Callable[[bytes], object], raw: bytes) -> float:

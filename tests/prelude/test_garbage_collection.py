@@ -3,7 +3,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from snr_sim.recording.reader import no_garbage_collection
+from snr_sim.prelude.values import no_garbage_collection
 
 
 @pytest.fixture(params=[True, False])
