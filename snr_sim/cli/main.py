@@ -105,7 +105,8 @@ def _number_message(error: Any, message: str) -> str:
     if extra is not None and _verb() in ("run ", "resim "):
         return f"{message}\n  Try: --controller ./{extra[1].removeprefix('./')}"
     if "Missing argument 'scenario'" in message:
-        return f"{message}\n  Try: name it first, as in snr run lander_vertical; snr list scenarios has all of them."
+        fix = "name it first: snr run lander_vertical (all: snr list scenarios; options: snr run --help)."
+        return f"{message}\n  Try: {fix}"
     parameter = getattr(error, "param", None)
     expected = next((ours for theirs, ours in _NUMBERS.items() if theirs in message), None)
     for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):
