@@ -104,6 +104,9 @@ def _number_message(error: Any, message: str) -> str:
     extra = re.search(r"extra argument.* \((\S+\.py)\)", message)
     if extra is not None and _verb() in ("run ", "resim "):
         return f"{message}\n  Try: --controller ./{extra[1].removeprefix('./')}"
+    if "Missing argument 'scenario'" in message:
+        fix = "name it first: snr run lander_vertical (all: snr list scenarios; options: snr run --help)."
+        return f"{message}\n  Try: {fix}"
     parameter = getattr(error, "param", None)
     expected = next((ours for theirs, ours in _NUMBERS.items() if theirs in message), None)
     for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):

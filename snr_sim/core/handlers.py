@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from types import AsyncGeneratorType, CodeType, CoroutineType, FunctionType, GeneratorType
+from types import AsyncGeneratorType, CodeType, CoroutineType, FunctionType, GeneratorType, MethodType
 from typing import Any, TypeAlias
 from weakref import WeakSet
 
@@ -242,7 +242,8 @@ def schedule_returned(returned: SomeTasks | Any, component: Any, step: Any) -> N
 
 
 def _not_a_task(value: Any, component: Component, handler: Any, within: str, whole: Sequence[Any] = ()) -> TaskError:
-    returned = f"'{component.name}.{handler_name(handler)}' returned"
+    name = handler_name(handler)
+    returned = f"'{component.name}.{name}' {'was given' if name == 'schedule' else 'returned'}"
     fix = "return None, a Task or a list of Tasks."
     if isinstance(value, CoroutineType):
         value.close()  # else Python warns that it was never awaited
@@ -253,6 +254,8 @@ def _not_a_task(value: Any, component: Component, handler: Any, within: str, who
         fix = f"that is a kind of task; tasks.event('name') or Task(TaskType.{value.value}, 'name') makes one."
     elif len(whole) == 2 and isinstance(whole[0], str) and type(whole[1]) is not Task:
         fix = f"did you mean self.store_data_task({whole[0]!r}, ...)?"
+    elif isinstance(value, (FunctionType, MethodType)):
+        fix = f"call it, with round brackets: {handler_name(value)}(...)."
     elif isinstance(value, str):
         fix = f"did you mean tasks.event({value!r})?"
     return TaskError(f"{returned} {within}{value!r}, which is not a task.", fix=fix)

@@ -93,6 +93,11 @@ def _check_method(method: Any, handled: _Handled) -> None:
         raise ConfigError(f"@handles is above {method!r}, which is not a method.", fix="decorate a def in a class.")
     argument = "task" if handled.takes_task else "data"
     name = method.__name__
+    if method.__qualname__ == name:
+        message = after_line(
+            location_of(method), f"{name}, the handler of {describe(handled.task_id)}, is in no class."
+        )
+        raise ConfigError(message, fix="indent it, below the class of an Endpoint.")
     check_returns(f"Handler '{name}' for {describe(handled.task_id)}", method)
     signature = inspect.signature(method)
     try:

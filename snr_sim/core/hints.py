@@ -11,6 +11,7 @@ import builtins
 import difflib
 import inspect
 import linecache
+import logging
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -21,7 +22,9 @@ from typing import Any
 from snr_sim.prelude.errors import suggest
 
 _UNKNOWN = object()
+_BOTH_SIDES = "check the types of both sides; convert text from outside with float(...) first."
 NEAR_ATTRIBUTE = 0.65  # so that self.logger is near self.log
+_NEAR_PACKAGE = 0.6  # so that snr, as the thesis has it, is near snr_sim
 _PACKAGES = ("snr_sim", "numpy", "scipy", "matplotlib", "pymunk", "mujoco", "gymnasium")
 
 
@@ -56,6 +59,8 @@ def _of_syntax(error: Any, trace: object) -> str:
     message = error.msg or ""
     if isinstance(error, IndentationError):
         return "give it as many spaces as the other lines of its block have; four more after a line that ends in ':'."
+    if (error.text or "").lstrip().startswith("else if"):
+        return "write elif, in one word."
     if "expected ':'" in message:
         return "end the line with a colon: def, class, if, else, for, while, try and with need one."
     if "never closed" in message or "unmatched" in message or "does not match" in message:
@@ -74,7 +79,7 @@ def _of_import(error: Any, trace: object) -> str:
     if found is not None:
         return near(found[1], _public(sys.modules.get(found[2]))) or "look for its name: README.md."
     name = str(error.name or "")
-    if close := near(name, _PACKAGES) or near(name, sys.stdlib_module_names):
+    if close := near(name, _PACKAGES, _NEAR_PACKAGE) or near(name, sys.stdlib_module_names):
         return close
     return f"a file {name.partition('.')[0]}.py beside yours, its name spelt alike; a package is installed with pip."
 
@@ -83,6 +88,8 @@ def _of_name(error: Any, trace: TracebackType | None) -> str:
     found = re.search(r"'(\w+)'", str(error))
     if trace is None or found is None:
         return ""
+    if isinstance(error, UnboundLocalError) and found[1] in trace.tb_frame.f_globals:
+        return f"keep it in the component, as self.{found[1]}, set in __init__: a name that a function sets is its own."
     if isinstance(error, UnboundLocalError):
         return f'give {found[1]} a value on each way that leads to this line; a text has quotes: "{found[1]}".'
     return about_name(found[1], _names(trace), trace.tb_frame.f_locals.get("self"))
@@ -119,6 +126,8 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
         return close
     if node.attr == "factory" and isinstance(owner, type):
         return f"name the class that it builds on: class {owner.__name__}(Endpoint)."
+    if ast.unparse(node.value) == "self.factory":
+        return f"set it in factories(), before the factory is returned: made.{node.attr} = ..."
     if isinstance(node.value, ast.Name) and node.value.id == "self":
         if "TaskType." in _source(trace):
             return f"define it in the class: def {node.attr}(self, task, task_id): ..."
@@ -155,18 +164,49 @@ def _of_type(error: Any, trace: TracebackType | None) -> str:
         return f"give them: {ast.unparse(node.func)}{_signature(_value(node.func, trace))}."
     if "object.__init__() takes" in message:
         return "name the class that it builds on: class Mine(Endpoint), class MyFactory(EndpointFactory)."
-    if "method' object is not subscriptable" in message and isinstance(node, ast.Subscript):
-        return f"call it, with round brackets: {ast.unparse(node.value)}({ast.unparse(node.slice)})."
+    if "object is not subscriptable" in message and isinstance(node, ast.Subscript):
+        what, part = ast.unparse(node.value), ast.unparse(node.slice)
+        is_method = "method' object" in message
+        return (
+            f"call it, with round brackets: {what}({part})." if is_method else f"leave out [{part}]: it has no parts."
+        )
     unexpected = re.search(r"unexpected keyword argument '(\w+)'", message)
     if unexpected is not None and isinstance(node, ast.Call) and (known := _parameters(_value(node.func, trace))):
         return suggest(unexpected[1], known, "it takes")
     if "positional argument" in message or "keyword argument" in message:
         return "compare the call with the def: as many arguments, in this order, after self."
     if "not callable" in message:
-        return "leave out the brackets behind it, or look whether its name has been given to something else."
-    if "unsupported operand" in message or "not supported between" in message or "must be real number" in message:
-        return "check the types of both sides; convert text from outside with float(...) first."
+        return _about_call(node, trace)
+    if "unsupported operand" in message:
+        return _about_operands(message, node)
+    if "not supported between" in message or "must be real number" in message:
+        return _BOTH_SIDES
+    if "format" in message:
+        return "a % mark takes a value of its kind, such as a field of a page; f'{value}' takes any."
     return ""
+
+
+def _about_call(node: ast.expr | None, trace: TracebackType | None) -> str:
+    """Return the fix for a call of what cannot be called."""
+    if isinstance(node, ast.Call):
+        what, value = ast.unparse(node.func), _value(node.func, trace)
+        if isinstance(value, Mapping) and len(node.args) == 1:
+            return f"a page is a dict, with square brackets: {what}[{ast.unparse(node.args[0])}]."
+        if isinstance(value, logging.LoggerAdapter | logging.Logger):
+            return f"name the level: {what}.info(...), or warning, or error."
+    return "leave out the brackets behind it, or look whether its name has been given to something else."
+
+
+def _about_operands(message: str, node: ast.expr | None) -> str:
+    """Return the fix for an operator whose operands do not fit."""
+    if "for ^" in message:
+        return "a power is written with two stars: a ** 2."
+    kinds = re.search(r"'([^']*)' and '([^']*)'", message)
+    if kinds is not None and isinstance(node, ast.BinOp):
+        for kind, side in zip(kinds.groups(), (node.left, node.right), strict=True):
+            if kind in ("method", "function", "builtin_function_or_method"):
+                return f"call it, with round brackets: {ast.unparse(side)}()."
+    return _BOTH_SIDES
 
 
 def _about_none(node: ast.expr | None) -> str:
@@ -189,7 +229,11 @@ _WORDS: dict[type[BaseException], str | Callable[[Any, TracebackType | None], st
     FileNotFoundError: "look at its path: it counts from the folder in which you started the program.",
     RecursionError: "a function calls itself without an end: return before that in some case.",
     NotImplementedError: "write that method in the class; its name has to be spelt like this.",
-    ValueError: "look at the value that is named: it has the right kind, and cannot be used for this.",
+    ValueError: lambda error, trace: (
+        "this has no value for every number, as the root of a negative one: test it before."
+        if "math domain" in str(error)
+        else "look at the value that is named: it has the right kind, and cannot be used for this."
+    ),
 }
 
 
@@ -208,7 +252,7 @@ def _parameters(function: Any) -> list[str]:
 
 def _signature(function: Any) -> str:
     try:
-        return str(inspect.signature(function))
+        return f"({', '.join(_parameters(function))})" if _parameters(function) else str(inspect.signature(function))
     except (TypeError, ValueError):
         return "(...) takes the arguments in its def"
 
@@ -257,7 +301,8 @@ def _value(node: ast.expr, trace: TracebackType | None) -> Any:
         case ast.Name(id=name) if trace is not None:
             return _names(trace).get(name, _UNKNOWN)
         case ast.Attribute(value=owner, attr=name):
-            return getattr(_value(owner, trace), "__dict__", {}).get(name, _UNKNOWN)
+            found = inspect.getattr_static(_value(owner, trace), name, _UNKNOWN)
+            return _UNKNOWN if hasattr(found, "__get__") and not inspect.isfunction(found) else found
         case ast.Call(func=ast.Attribute(value=owner, attr="get_data"), args=[ast.Constant(value=str(key))]):
             node_of_it = getattr(_value(owner, trace), "parent", None)
             page = getattr(getattr(node_of_it, "datastore", None), "pages", {}).get(key)

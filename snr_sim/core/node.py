@@ -28,6 +28,7 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_report import NodeReport
 from snr_sim.core.page_age import page_age_s
 from snr_sim.core.page_data import data_of_page
+from snr_sim.core.page_writers import find_writer
 from snr_sim.core.profiler import Profiler
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.thesis_members import NodeMembers
@@ -164,6 +165,10 @@ class Node(NodeMembers):
     def set_terminate_flag(self, reason: str) -> None:
         """End the node after the current task, as a terminate task does; from any thread, and before it begins."""
         self.schedule(Task(TaskType.terminate, reason), "set_terminate_flag")
+
+    def find_writer(self, key: DataKey, reader: str) -> tuple[str, str, tuple[str, ...]]:
+        """Return what is known of the component that stores pages of a key: see `page_writers.find_writer`."""
+        return find_writer(key, [one for one in self.components.values() if one.name != reader])
 
     # Tasks
 

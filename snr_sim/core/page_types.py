@@ -19,6 +19,7 @@ from snr_sim.prelude.structs import ensure_type_info
 StructClass = TypeVar("StructClass", bound=type[msgspec.Struct])
 Data = TypeVar("Data")
 _KEY = "__snr_page_key__"  # attribute of a declared class
+_PLAIN = (bool, int, float, str, list, tuple, dict)  # of an attribute that was meant to be a field
 
 
 def page(key: DataKey) -> Callable[[StructClass], StructClass]:
@@ -48,6 +49,16 @@ def page(key: DataKey) -> Callable[[StructClass], StructClass]:
             raise ConfigError(
                 f'@page("{key}") is on {name}, which is not a msgspec.Struct.', fix=f"class {name}(msgspec.Struct):"
             )
+        for name, value in list(vars(kind).items()):
+            if (
+                isinstance(value, _PLAIN)
+                and name not in kind.__annotations__
+                and not (name.isupper() or name[0] == "_")
+            ):
+                raise ConfigError(
+                    f'@page("{key}") is on {kind.__name__}, whose {name} has no type, so it is not a field.',
+                    fix=f"{name}: {type(value).__name__} = {value!r}",
+                )
         setattr(kind, _KEY, key)
         return kind
 

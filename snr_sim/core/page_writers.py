@@ -25,6 +25,14 @@ class PageWriter(NamedTuple):
     location: SourceLocation
 
 
+class WriterInfo(NamedTuple):
+    """What an error says of the component that has stored a page."""
+
+    lines: str  # that could have stored it: the beginning of the error, or empty
+    who: str  # the functions of these lines and their components
+    suspects: tuple[str, ...]  # the components
+
+
 def writers_of(key: DataKey, components: Iterable[Component]) -> list[PageWriter]:
     """Return the lines in which these components could store pages of a key, in their order; each once.
 
@@ -35,17 +43,15 @@ def writers_of(key: DataKey, components: Iterable[Component]) -> list[PageWriter
     return storing or found
 
 
-def find_writer(key: DataKey, components: Iterable[Component]) -> tuple[str, str]:
-    """Return the lines that could have stored a page, as the prefix of an error, and a text that names their owners.
-
-    If no such line is found, the prefix is empty and the text names the remaining candidates.
-    """
+def find_writer(key: DataKey, components: Iterable[Component]) -> WriterInfo:
+    """Return what an error says of the component that has stored a page; without such a line, all are candidates."""
     components = list(components)
     writers = writers_of(key, components)
     lines = "".join(f"{writer.location}\n  " for writer in writers)
     names = dict.fromkeys(f"{writer.function}() of component '{writer.component}'" for writer in writers)
     one_of = ", ".join(component.name for component in components)
-    return lines, " or ".join(names) or (f"one of {one_of}" if one_of else "another process")
+    suspects = [one.component for one in writers] or [one.name for one in components]
+    return WriterInfo(lines, " or ".join(names) or f"one of {one_of}", tuple(dict.fromkeys(suspects)))
 
 
 def attribute_location(component: Component, name: str) -> SourceLocation | None:

@@ -9,8 +9,6 @@ import msgspec
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.page_age import page_age_s
-from snr_sim.core.page_writers import find_writer, writers_of
-from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import CommandError, suggest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.structs import ensure_type_info
@@ -63,11 +61,9 @@ class CommandInput:
         when = f"at t = {page.created_at_s:.3f} s"
         if page.origin != self._loop.parent.name:
             return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-        lines, who = self._find_writer()
+        lines, who, suspects = self._find_writer()
         found = CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
-        others = self._others()
-        writers = {writer.component for writer in writers_of(self._key, others)}
-        found.suspects = tuple(one.name for one in others if one.name in writers or not writers)
+        found.suspects = suspects
         found.stored_at_s = page.created_at_s
         return found
 
@@ -85,11 +81,8 @@ class CommandInput:
                     self._find_writer()[0],
                 )
 
-    def _find_writer(self) -> tuple[str, str]:
-        return find_writer(self._key, self._others())
-
-    def _others(self) -> list[Component]:
-        return [component for component in self._loop.parent.components.values() if component is not self._loop]
+    def _find_writer(self) -> tuple[str, str, tuple[str, ...]]:
+        return self._loop.parent.find_writer(self._key, self._loop.name)
 
 
 def command_of(data: Any, command_type: type[Any], limits: Limits) -> Any:

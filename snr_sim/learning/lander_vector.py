@@ -8,13 +8,15 @@ verdict are the plant's own.
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.learning.dispersion import factors_of
 from snr_sim.learning.gym import AutoresetMode, VectorEnv, batch_space, np_random, spaces
 from snr_sim.learning.lander_envs import (
     FUEL_WEIGHT,
@@ -25,7 +27,7 @@ from snr_sim.learning.lander_envs import (
     LanderVertical,
     vertical_potentials,
 )
-from snr_sim.learning.scenario_env import check_start, draw_start, end_info
+from snr_sim.learning.scenario_env import OPTIONS, check_start, draw_start, end_info
 from snr_sim.learning.sensor_batch import SensorBatch
 from snr_sim.learning.vertical_batch import Landers, step
 from snr_sim.plants.lander.descent import Engine
@@ -50,7 +52,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
             and is worth 0. SAME_STEP: the last step does, and `info` has "final_obs" and "final_info".
 
     `reset(seed=n)` seeds the first with n, the second with n + 1, and so on; `options={"start": ...}` begins at the
-    start of a seed of the scenario, or with a list of them at one for each.
+    start of a seed of the scenario, or with a list of them at one for each. "dispersion" and "factors" are those of a
+    single environment, drawn for each lander; as there, they end with the episode: autoreset begins a nominal one.
 
     Raises:
         ParameterError: an argument is out of range.
@@ -90,6 +93,10 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         self._generators: list[np.random.Generator] = []
         self._starts, self._steps = np.zeros(num_envs, np.int64), np.zeros(num_envs, np.int64)
         self._tanks_kg, self._fuels_kg, self._potentials = np.ones(num_envs), np.zeros(num_envs), np.zeros(num_envs)
+        self._nominal: Any = single.plant
+        self._bodies: list[Any] = [self._nominal] * num_envs  # what each flies, as the plant that it equals
+        self._factors: list[dict[str, float]] = [{} for _ in range(num_envs)]
+        self._factor_infos: dict[str, Any] = {}
         self._ended: Bools | None = None  # before the first reset
 
     def reset(
@@ -99,17 +106,18 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
 
         Args:
             seed: of the first, or one for each.
-            options: {"start": n} or {"start": [n, ...]}.
+            options: {"start": n} or {"start": [n, ...]}; "dispersion" and "factors" as in `factors_of`.
 
         Raises:
             ParameterError: an option is unknown or not valid, or their number is not that of the landers.
+            UnknownNameError: the plant does not have a number that is to be scaled.
         """
         count = self.num_envs
         seeds = [seed + i for i in range(count)] if isinstance(seed, int) else list(seed or [None] * count)
         if len(seeds) != count:
             raise ParameterError(f"reset() was given {len(seeds)} seeds for {count} landers.", fix="one for each.")
         options = options or {}
-        if set(options) - {"start"}:
+        if set(options) - OPTIONS:
             raise ParameterError(f"reset() was given the options {sorted(options)}.", fix='options={"start": 7}.')
         given = options.get("start")
         given = [given] * count if given is None or not isinstance(given, (list, tuple, np.ndarray)) else list(given)
@@ -122,7 +130,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
             np_random(one)[0] if one is not None or before is None else before
             for one, before in zip(seeds, old, strict=True)
         ]
-        self._begin(self._all_indices, checked)
+        factors_of(options, self._nominal.SCALABLE, np.random.default_rng(0))  # raises before anything begins
+        self._begin(self._all_indices, checked, options)
         self._ended = np.zeros(count, bool)
         return self._observed(), self._infos()
 
@@ -158,6 +167,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
             end = self._end(i, verdicts.get(i))
             if self._is_same_step:
                 info = {"start": int(self._starts[i]), "time_s": float(self._steps[i] / self._rate_hz), **end}
+                info |= {"factors": dict(self._factors[i])} if self._factors[i] else {}
                 end = {"final_obs": observations[i].copy(), "final_info": info}
             infos = self._add_info(infos, end, i)
         if self._is_same_step:
@@ -177,7 +187,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
 
     @abstractmethod
     def _put(self, which: Indices, starts: Sequence[int]) -> None:
-        """Put some landers at the starts of seeds, and begin the episodes of their sensors."""
+        """Put some landers at the starts of seeds, with the numbers of their bodies, and begin their sensors."""
 
     @abstractmethod
     def _advance(self, actions: Any, is_flying: Bools) -> dict[int, Verdict]:
@@ -197,9 +207,19 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
 
     # -- inside -------------------------------------------------------------------------------------------------------
 
-    def _begin(self, which: Indices, given: Sequence[int | None]) -> None:
-        pairs = zip(which.tolist(), given, strict=True)
-        starts = [draw_start(self._generators[i]) if start is None else start for i, start in pairs]
+    def _begin(self, which: Indices, given: Sequence[int | None], options: Mapping[str, Any] | None = None) -> None:
+        nominal, starts, is_changed = self._nominal, [], False
+        for i, start in zip(which.tolist(), given, strict=True):
+            starts.append(draw_start(self._generators[i]) if start is None else start)
+            if options or self._factors[i]:
+                self._factors[i] = factors_of(options or {}, nominal.SCALABLE, self._generators[i])
+                self._bodies[i] = nominal.scaled(self._factors[i]) if self._factors[i] else nominal
+                is_changed = True
+        if is_changed:
+            self._factor_infos = {}
+            for i, factors in enumerate(self._factors):
+                if factors:
+                    self._factor_infos = self._add_info(self._factor_infos, {"factors": factors}, i)
         self._starts[which], self._steps[which] = starts, 0
         self._put(which, starts)
         self._tanks_kg[which] = self._fuels_kg[which] = self._fuels()[which]
@@ -226,7 +246,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
     def _infos(self) -> dict[str, Any]:
         mask = self._all_true
         times_s = self._steps / self._rate_hz
-        return {"start": self._starts.copy(), "_start": mask.copy(), "time_s": times_s, "_time_s": mask.copy()}
+        infos = {"start": self._starts.copy(), "_start": mask.copy(), "time_s": times_s, "_time_s": mask.copy()}
+        return {**infos, **copy.deepcopy(self._factor_infos)}
 
 
 class LanderVerticalVector(LanderVectorEnv):
@@ -241,14 +262,16 @@ class LanderVerticalVector(LanderVectorEnv):
     ) -> None:
         super().__init__(LanderVertical(is_continuous), num_envs, max_episode_steps, autoreset_mode)
         self._plant = cast(Lander1D, self._single.plant)
-        self._engine = Engine(self._plant.thrust_n, self._plant.exhaust_mps, self._plant.gravity_mps2)
+        self._engines = np.ones((3, num_envs))  # rows as in Engine
         self._throttles = None if is_continuous else np.array(VERTICAL_THROTTLES)
         self._landers = np.ones((4, num_envs))
         fields = ("altitude_m", "velocity_mps")
         self._radar = SensorBatch("radar", fields, self._parameters.radar.errors, num_envs)
 
     def _put(self, which: Indices, starts: Sequence[int]) -> None:
-        begun = [self._scenario.start(start) for start in starts]
+        bodies = [self._bodies[i] for i in which.tolist()]
+        self._engines[:, which] = np.array([(one.thrust_n, one.exhaust_mps, one.gravity_mps2) for one in bodies]).T
+        begun = [one.start_of(start) for one, start in zip(bodies, starts, strict=True)]
         rows = np.array([(one.height_m, one.velocity_mps, one.mass_kg, one.fuel_kg) for one in begun]).T
         self._landers[:, which] = rows
         self._radar.begin(which, starts, rows[:2])
@@ -256,17 +279,17 @@ class LanderVerticalVector(LanderVectorEnv):
     def _advance(self, actions: Any, is_flying: Bools) -> dict[int, Verdict]:
         throttles = actions[:, 0].astype(np.float64) if self._throttles is None else self._throttles[actions]
         before = self._landers
-        after, _, _ = step(Landers(*before), throttles, self._engine, self._step_s)
+        after, _, _ = step(Landers(*before), throttles, Engine(*self._engines), self._step_s)
         self._landers = np.stack(after)
-        height, velocity, gravity = before[0], before[1], self._engine.gravity_mps2
+        height, velocity, gravity = before[0], before[1], self._engines[2]
         # One that reverses within the step may have touched in between.
         dips = (velocity < 0.0) & (after.velocity_mps > 0.0)
         dips &= height + (velocity - gravity * self._step_s) * self._step_s <= 0.0
         met = is_flying & ((after.height_m <= 0.0) | dips | (after.height_m > self._plant.ceiling_m))
         verdicts = {}
         for i in np.flatnonzero(met).tolist():
-            verdict = self._take_over(before[:, i], float(throttles[i]))
-            plant = self._plant
+            plant = self._bodies[i]
+            verdict = self._take_over(plant, before[:, i], float(throttles[i]))
             self._landers[:, i] = plant.height_m, plant.velocity_mps, plant.mass_kg, plant.fuel_kg
             if verdict is not None:
                 verdicts[i] = verdict
@@ -274,9 +297,8 @@ class LanderVerticalVector(LanderVectorEnv):
                     self._radar.stop(i)
         return verdicts
 
-    def _take_over(self, lander: Floats, throttle: float) -> Verdict | None:
+    def _take_over(self, plant: Lander1D, lander: Floats, throttle: float) -> Verdict | None:
         """Let the plant fly a step of one lander; return its verdict."""
-        plant = self._plant
         height_m, velocity_mps, mass_kg, fuel_kg = lander.tolist()
         plant.restore(Lander1DState(0.0, height_m, velocity_mps, mass_kg, fuel_kg, throttle, None, None))
         plant.write("engine", EngineCommand(throttle))

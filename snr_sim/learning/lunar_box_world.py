@@ -145,6 +145,7 @@ class LunarBoxWorld:
         self._rates_radps = [0.0, 0.0]
         self.steps_still: int = 0
         self._touching = list(NOTHING)  # how many pieces of the ground hull and legs touch
+        self._has_touched = [False, False, False]
         self._read_state()
 
     def _empty_space(self) -> Any:
@@ -175,14 +176,21 @@ class LunarBoxWorld:
 
     def _touch(self, arbiter: Any, space: Any, data: Any) -> None:
         self._touching[data] += 1
+        self._has_touched[data] = True
 
     def _lift(self, arbiter: Any, space: Any, data: Any) -> None:
+        """Note that a part has left a piece of the ground.
+
+        The original counts a leg as off the ground then, even if it touches another piece; and a hull that has touched
+        has crashed.
+        """
         self._touching[data] -= 1
+        self._has_touched[data] = data == 0
 
     @property
     def is_crashed(self) -> bool:
-        """Whether the hull touches the ground."""
-        return self._touching[0] > 0
+        """Whether the hull has touched the ground."""
+        return self._has_touched[0]
 
     @property
     def is_asleep(self) -> bool:
@@ -250,7 +258,7 @@ class LunarBoxWorld:
     def _read_state(self) -> None:
         hull = self.hull
         _, left, right = self._touching
-        self.contacts = left > 0, right > 0
+        self.contacts = self._has_touched[1], self._has_touched[2]
         self.x, self.y = hull.position
         self.vx, self.vy = hull.velocity
         if not (left or right):

@@ -49,7 +49,8 @@ class LanderPadVector(LanderVectorEnv):
         self._judge = cast(Lander2D, self._single.plant)
         self._module = self._judge.module
         self._parts = round(self._step_s / self._judge.step_s)
-        self._flight = PlaneFlight(self._module, self._judge.step_s, num_envs)
+        self._flight = PlaneFlight(self._judge.step_s, num_envs)
+        self._jets_nm = np.zeros(num_envs)
         self._plants: dict[int, Any] = {}
         self._contact = np.zeros((2, num_envs))
         self._is_continuous = is_continuous
@@ -59,7 +60,10 @@ class LanderPadVector(LanderVectorEnv):
         self._truth = self._measured()
 
     def _put(self, which: Indices, starts: Sequence[int]) -> None:
-        self._flight.put(which, [self._scenario.start(start) for start in starts])
+        bodies = [self._bodies[i] for i in which.tolist()]
+        begun = [one.start_of(start) for one, start in zip(bodies, starts, strict=True)]
+        self._flight.put(which, begun, [one.module for one in bodies])
+        self._jets_nm[which] = [one.module.jets_nm for one in bodies]
         self._contact[:, which] = 0.0
         self._truth = self._measured()
         radar, inertial = self._truth
@@ -76,7 +80,7 @@ class LanderPadVector(LanderVectorEnv):
         alone[list(self._plants)] = False
         near = flight.near(self._step_s)
         near = near[alone[near]]
-        jets_nm = turns * self._module.jets_nm
+        jets_nm = turns * self._jets_nm
         verdicts, ended = dict[int, Verdict](), dict[int, Floats]()
         for part in range(self._parts):
             flight.push(goals, gimbals, jets_nm)
@@ -132,6 +136,9 @@ class LanderPadVector(LanderVectorEnv):
     def _plant_of(self, i: int, before: Floats) -> Any:
         """Return a plant that is where a lander was before this step."""
         plant = self._scenario.plant(int(self._starts[i]), "pymunk")
+        if self._factors[i]:
+            plant = plant.scaled(self._factors[i])
+            plant.reset(int(self._starts[i]))
         plant.restore(self._flight.state_of(before, i, plant.terrain, int(self._steps[i]) * self._parts))
         return plant
 

@@ -33,6 +33,8 @@ SPARE_M = 0.1  # more than an engine that points up adds to the descent within a
 class PlaneFlight:
     """The state of all, each number an array of the shape (count,). `step_s` is that of the plant.
 
+    What a module's own numbers give for a step is kept for each, as they may differ.
+
     Attributes:
         numbers: all that changes, shape (10, count); each row has a name as well:
         x, z, attitude, vx, vz, rate: as pymunk holds them: positions half a step ahead, and the next step's fall in vz.
@@ -50,11 +52,11 @@ class PlaneFlight:
     throttle: Floats
     gimbal: Floats
 
-    def __init__(self, module: LunarModule, step_s: float, count: int) -> None:
-        self._module, self._step_s = module, step_s
-        lag_s = module.throttle_lag_s
-        self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
-        self._fall = module.gravity_mps2 * step_s
+    def __init__(self, step_s: float, count: int) -> None:
+        self._step_s = step_s
+        self._laws = np.ones((7, count))
+        (self._lag_left, self._lag_steps, self._fall, self._max_turn, self._flow, self._exhaust,
+         self._gyration) = self._laws  # fmt: skip
         self._all = np.arange(count)
         self.numbers: Floats = np.ones((10, count))
         self._side, self._up, self._twist = np.zeros((3, count))  # what engine and jets gave in the last step
@@ -63,12 +65,13 @@ class PlaneFlight:
         fields = round(2.0 * HALF_WIDTH_M / SPACING_M)
         self._heights, self._roofs = np.zeros((count, fields + 1)), np.zeros((count, fields))
 
-    def put(self, which: Indices, begun: Sequence[tuple[PlaneStart, Terrain]]) -> None:
-        """Put some of them at starts, engine off."""
+    def put(self, which: Indices, begun: Sequence[tuple[PlaneStart, Terrain]], modules: Sequence[LunarModule]) -> None:
+        """Put some of them at starts, each with its module, engine off."""
+        self._laws[:, which] = np.array([self._laws_of(module) for module in modules]).T
         numbers = [
-            (*self._held(*start.position_m, start.attitude_rad, *start.velocity_mps, start.rate_radps),
+            (*self._held(i, *start.position_m, start.attitude_rad, *start.velocity_mps, start.rate_radps),
              start.mass_kg, start.fuel_kg, 0.0, 0.0)
-            for start, _ in begun
+            for i, (start, _) in zip(which.tolist(), begun, strict=True)
         ]  # fmt: skip
         self.numbers[:, which] = np.array(numbers).T
         heights = np.array([terrain.heights_m for _, terrain in begun])
@@ -78,10 +81,20 @@ class PlaneFlight:
         fields = heights.shape[1] - 1
         self._roofs[which] = np.max([ends[:, k : k + fields] for k in range(2 * REACH_FIELDS + 2)], axis=0)
 
-    def _held(self, x: float, z: float, attitude: float, vx: float, vz: float, rate: float) -> tuple[float, ...]:
+    def _laws_of(self, module: LunarModule) -> tuple[float, ...]:
+        """Return the rows of `_laws` of a module."""
+        lag_s, step_s = module.throttle_lag_s, self._step_s
+        lag = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
+        flow = module.thrust_n / module.exhaust_mps * step_s
+        fall, max_turn = module.gravity_mps2 * step_s, module.gimbal_rate_radps * step_s
+        return (*lag, fall, max_turn, flow, module.exhaust_mps, module.gyration_m**2)
+
+    def _held(
+        self, i: int, x: float, z: float, attitude: float, vx: float, vz: float, rate: float
+    ) -> tuple[float, ...]:
         """Return a motion as pymunk holds it."""
         half_s = 0.5 * self._step_s
-        return x + half_s * vx, z + half_s * vz, attitude + half_s * rate, vx, vz - self._fall, rate
+        return x + half_s * vx, z + half_s * vz, attitude + half_s * rate, vx, vz - float(self._fall[i]), rate
 
     def pose(self) -> tuple[Floats, ...]:
         """Return x, z, attitude, vx, vz and rate at one moment."""
@@ -94,8 +107,8 @@ class PlaneFlight:
         cos, sin = math.cos(self.attitude[i]), math.sin(self.attitude[i])
         x, z, attitude, vx, vz, rate = self.numbers[:6, i].tolist()
         side, up, twist = float(self._side[i]), float(self._up[i]), float(self._twist[i])
-        vx, vz = vx - 0.5 * (cos * side - sin * up), vz - 0.5 * (sin * side + cos * up - self._fall)
-        return BodyPose(x, z, attitude, vx, vz, rate - 0.5 * twist / self._module.gyration_m**2)
+        vx, vz = vx - 0.5 * (cos * side - sin * up), vz - 0.5 * (sin * side + cos * up - float(self._fall[i]))
+        return BodyPose(x, z, attitude, vx, vz, rate - 0.5 * twist / float(self._gyration[i]))
 
     def heights_m(self) -> Floats:
         """Return the height of the ground straight below each."""
@@ -135,7 +148,7 @@ class PlaneFlight:
             gimbal_goal: commanded [rad].
             jets_nm: couple of the attitude jets.
         """
-        module, step_s = self._module, self._step_s
+        step_s, max_turn = self._step_s, self._max_turn
         throttle, fuel, mass = self.throttle, self.fuel, self.mass
         mean = throttle.copy()
         throttle -= throttle_goal
@@ -145,11 +158,10 @@ class PlaneFlight:
         mean -= throttle
         mean *= self._lag_steps
         mean += throttle_goal
-        max_turn = module.gimbal_rate_radps * step_s
         turned = np.minimum(max_turn, np.maximum(-max_turn, gimbal_goal - self.gimbal))
         self.gimbal += turned
         gimbal = self.gimbal - 0.5 * turned * np.abs(turned) / max_turn
-        burned = mean * (module.thrust_n / module.exhaust_mps * step_s)
+        burned = mean * self._flow
         dry = burned >= fuel
         if dry.any():
             burned = np.where(dry, fuel, burned)
@@ -157,14 +169,14 @@ class PlaneFlight:
         fuel -= burned
         mass -= burned
         mean_mass = mass + 0.5 * burned
-        push = burned * module.exhaust_mps / mean_mass
+        push = burned * self._exhaust / mean_mass
         np.multiply(push, np.sin(gimbal), out=self._side)
         np.multiply(push, np.cos(gimbal), out=self._up)
         np.add(jets_nm * step_s / mean_mass, NOZZLE_BELOW_M * self._side, out=self._twist)
         cos, sin = np.cos(self.attitude), np.sin(self.attitude)
         self.vx += cos * self._side - sin * self._up
         self.vz += sin * self._side + cos * self._up
-        self.rate += self._twist / module.gyration_m**2
+        self.rate += self._twist / self._gyration
 
     def move(self) -> None:
         """Move all on by one step of the plant."""
@@ -176,7 +188,7 @@ class PlaneFlight:
     def take(self, i: int, reading: InertialReading, mass_kg: float) -> None:
         """Copy the state of one lander back from the plant."""
         (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
-        body = self._held(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
+        body = self._held(i, x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
         self.numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0)
 
     def _fields(self, x: Floats) -> Indices:

@@ -87,7 +87,7 @@ class UnsendablePages:
             return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
         components = self.node.components.values()
         authors = [one for one in components if isinstance(one, (Endpoint, Loop)) and one.is_robot_component]
-        lines, who = find_writer(page.key, authors)
+        lines, who, _ = find_writer(page.key, authors)
         return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 

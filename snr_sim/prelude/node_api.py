@@ -157,6 +157,12 @@ class NodeApi(Protocol):
     def remove_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
         """Remove a callback that `add_store_listener` added."""
 
+    def find_writer(self, key: DataKey, reader: str) -> tuple[str, str, tuple[str, ...]]:
+        """Return the lines that could have stored a page, a text that names their owners, and the owners' names.
+
+        The component `reader`, which asks since the page is invalid, is left out.
+        """
+
     # Time, notes
 
     def get_time_s(self) -> float:

@@ -24,6 +24,7 @@ from snr_sim.recording.records import (
     Executed,
     HandlerCall,
     InputRecord,
+    LogLineRecord,
     PageRecord,
     Record,
     ReturnedTask,
@@ -97,13 +98,19 @@ class ReplayChecker:
         self._failed: dict[int, dict[str, str]] = {}  # by seq of the task: what each component raised
         for record in records:
             if isinstance(record, ErrorRecord):
-                self._failed.setdefault(record.cause, {})[record.component] = record.message
+                self._failed.setdefault(self._before_output(record.cause), {})[record.component] = record.message
         self._commands = set(commands)
         self._tolerances = tolerances
         self._extra = 0  # tasks the recording does not have get causes below zero
         self._follow_ups: dict[int, list[int]] = {}  # of such a cause: how many followed its first one; shared by all
         self._current: Executed | None = None
         self._gone: list[HandlerCall] = []  # components that handled the current task in the recording and have not yet
+
+    def _before_output(self, seq: int) -> int:
+        """Return the seq of the newest record up to this one that is not a printed or logged line."""
+        while isinstance(record := self._by_seq.get(seq), LogLineRecord):
+            seq = record.cause
+        return seq
 
     def for_node(self, name: str) -> ReplayChecker:
         """Return itself: a replay has one node."""

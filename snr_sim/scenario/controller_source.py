@@ -104,6 +104,7 @@ class _Reader(ast.NodeVisitor):
                 for key, value in zip(node.keys, node.values, strict=True):
                     if key is not None and "TaskType." in ast.unparse(key) and isinstance(value, ast.Attribute):
                         self._handlers.add(value.attr)
+        self._check_twice(tree.body)
         self.visit(tree)
         self._check_names(tree)
 
@@ -144,8 +145,20 @@ class _Reader(ast.NodeVisitor):
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
         before, self._class = self._class, node.name
         self._source.own.setdefault(node.name, [])
+        self._check_twice(node.body)
         self.generic_visit(node)
         self._class = before
+
+    def _check_twice(self, body: list[ast.stmt]) -> None:
+        """Note methods and classes that one of the same name replaces: Python ignores the first without a word."""
+        seen: dict[str, int] = {}
+        for one in body:
+            if isinstance(one, ast.FunctionDef | ast.ClassDef):
+                is_plain = not any(isinstance(decorator, ast.Attribute) for decorator in one.decorator_list)
+                if one.name in seen and is_plain:  # not a setter of a property
+                    what = f"This {one.name} replaces the one of line {seen[one.name]}, which is never called."
+                    self._source.plain.append(finding(self._place(one), what, "give it a name of its own."))
+                seen[one.name] = one.lineno
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         before = self._function, self._pages

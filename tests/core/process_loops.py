@@ -8,7 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from snr_sim import Loop, LoopFactory, Node, tasks
+from snr_sim import FakeActuator, Loop, LoopFactory, Node, Page, tasks
+from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory
+from snr_sim.prelude.signals import EngineCommand
 
 
 class StepsFactory(LoopFactory):
@@ -194,3 +196,26 @@ def rest(loop: Any) -> None:
     with open(loop.factory.given[0], "a") as file:
         file.write(f"{time.monotonic()}\n")
     time.sleep(0.25)
+
+
+class EngineFactory(ActuatorLoopFactory):
+    """Makes the actuator of an engine, whose page `written` has the newest command that it took."""
+
+    def __init__(self, executor: Literal["thread", "process"]) -> None:
+        super().__init__("engine", open_engine, 100.0, timeout_s=60.0)
+        self.executor = executor
+
+    def get(self, parent: Node) -> Any:
+        loop = Engine(self, parent, "engine_actuator", self.rate_hz)
+        loop.executor = self.executor
+        return loop
+
+
+class Engine(ActuatorLoop):
+    def _write(self, page: Page) -> None:
+        super()._write(page)
+        self.store_data("written", page.data)
+
+
+def open_engine() -> FakeActuator[EngineCommand]:
+    return FakeActuator(EngineCommand, {"throttle": (0.0, 1.0)})

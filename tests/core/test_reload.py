@@ -300,16 +300,16 @@ def test_failed_setup_keeps_old_loop_in_lock_step(student: Student) -> None:
 # Loops on threads
 
 
-def run_on_the_wall_clock(factory: Any, *steps: Callable[[], Any]) -> Node:
-    """Run a node with one loop; each page `thrust` has the next step done, and the last one ends it."""
+def run_on_the_wall_clock(factories: Any, *steps: Callable[[], Any]) -> Node:
+    """Run a node with one factory or several; each page `thrust` has the next step done, and the last one ends it."""
     left = list(steps)
 
     def on_page(task: Task, task_id: Any) -> Any:
         return left.pop(0)() if left else tasks.finish("done")
 
-    node = Node(
-        "r", Config(factories={"r": [FunctionEndpointFactory({(TaskType.process_data, "thrust"): on_page}), factory]})
-    )
+    stepper = FunctionEndpointFactory({(TaskType.process_data, "thrust"): on_page})
+    more = factories if isinstance(factories, list) else [factories]
+    node = Node("r", Config(factories={"r": [stepper, *more]}))
     node.loop()
     return node
 

@@ -1,20 +1,24 @@
 """Rollback: new code that fails in its first calls leaves its place to the old code, with the state that it had."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from snr_sim import FakeActuator, Task, TaskType, WatchLoopFactory, tasks
+from snr_sim import Config, FakeActuator, Node, Task, TaskType, WatchLoopFactory, tasks
 from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.signals import EngineCommand
+from snr_sim.scenario.library import load_program
 from snr_sim.testing.function_components import FunctionEndpointFactory
 from tests.core.test_reload import LOOP, Student, outcome, reload, run, run_on_the_wall_clock, student, thrust_task
 
 __all__ = ["student"]
+
+loops: Any = load_program(str(Path(__file__).parent / "process_loops.py"))
 
 PILOT = """
     from snr_sim import Endpoint, EndpointFactory, TaskType
@@ -234,6 +238,57 @@ def test_new_code_that_stores_an_invalid_command_leaves_its_place_to_the_old_cod
     assert "in loop() of component 'engine_actuator'" in message
     assert "rolled back: pilot as before it." in message
     assert message.splitlines()[0].endswith(f'return self.store_data_task("engine", {value})')
+
+
+ANSWERING = (
+    COMMANDS.replace("from snr_sim import Endpoint, handles", "from snr_sim import Endpoint, handles, tasks")
+    + """
+        def begin(self):
+            return tasks.event("fly")
+
+        @handles("written")
+        def on_written(self, command):
+            return self.store_data_task("thrust", command)
+
+        @handles("reload")
+        def on_reload(self, page):
+            return None if page["ok"] else self.store_data_task("thrust", "rolled back")
+"""
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("executor", ["thread", "process"])
+def test_actuator_names_the_writer_of_an_invalid_command_wherever_it_runs(student: Student, executor: Any) -> None:
+    factory = student.load(ANSWERING.replace("0.5}", '"half"}')).Pilot.factory(name="pilot")
+    node = Node("r", Config(factories={"r": [factory, loops.EngineFactory(executor)]}))
+    with pytest.raises(ComponentFailedError) as failed:
+        node.loop()
+    line, what, _, stored, *_ = failed.value.message.splitlines()
+    assert line.endswith('line 6: return self.store_data_task("engine", {"throttle": "half"})')
+    assert what.startswith("  Page 'engine' is not a valid command: throttle is the text 'half'")
+    assert stored.endswith(" s by on_fly() of component 'pilot'.")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("executor", ["thread", "process"])
+def test_actuator_notes_the_line_of_a_clamped_command_wherever_it_runs(student: Student, executor: Any) -> None:
+    factory = student.load(ANSWERING.replace("0.5}", "1.5}")).Pilot.factory(name="pilot")
+    node = run_on_the_wall_clock([factory, loops.EngineFactory(executor)])
+    (note,) = [one for one in node.notes if "was clamped to 1" in one]
+    assert note.splitlines()[0].endswith('line 6: return self.store_data_task("engine", {"throttle": 1.5})')
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("executor", ["thread", "process"])
+def test_new_code_whose_command_an_actuator_refuses_is_rolled_back(student: Student, executor: Any) -> None:
+    factory = student.load(ANSWERING).Pilot.factory(name="pilot")
+    wrong = reload(student, ANSWERING.replace("0.5}", '"half"}'))
+    node = run_on_the_wall_clock([factory, loops.EngineFactory(executor)], wrong, thrust_task)
+    message = outcome(node)["message"]
+    assert "rolled back: pilot as before it." in message
+    assert message.splitlines()[0].endswith('return self.store_data_task("engine", {"throttle": "half"})')
+    assert node.get_data("written") == {"throttle": 0.5}
 
 
 def test_late_page_of_rolled_back_code_is_not_a_failure(student: Student) -> None:

@@ -110,6 +110,15 @@ def test_function_error_starts_with_the_student_line(source: str, first_line: st
     assert hint in wrong.hint
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("source", ["exit(0)", "def f(x):\n    quit()"])
+def test_exit_in_a_checked_file_says_to_leave_it_out(source: str, tmp_path: Path) -> None:
+    wrong = error_of_call(tmp_path, source)
+    assert (
+        "Try: leave it out: a file ends by itself, and a component ends the run with tasks.terminate" in wrong.message
+    )
+
+
 def test_missing_file_or_outside_link_raises(tmp_path: Path) -> None:
     (tmp_path / "submission").mkdir()
     (tmp_path / "secret.py").write_text("def f(x):\n    return x")

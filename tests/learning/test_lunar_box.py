@@ -22,6 +22,7 @@ from gymnasium.utils.env_checker import check_env
 
 import snr_sim.learning  # noqa: F401 - makes the name known
 from snr_sim.learning.lunar_box import LunarLanderBox
+from snr_sim.learning.lunar_box_world import CHUNKS, PAD_Y, LunarBoxWorld
 from snr_sim.prelude.errors import ParameterError
 
 NAME = "snr_sim/LunarLanderBox-v0"
@@ -197,6 +198,19 @@ def test_last_reward_is_100_at_rest_and_minus_100_at_crash() -> None:
         _, reward, is_over, _, _ = env.step(0)
     assert reward == -100.0
     assert env.world.is_crashed
+
+
+def test_leg_that_leaves_one_of_two_pieces_of_ground_counts_as_off_it() -> None:
+    """As in the original, whose listener keeps the last event of a leg, not how many pieces it touches."""
+    world = LunarBoxWorld(-10.0)
+    world.begin([PAD_Y] * CHUNKS)
+    seen = set()
+    for _ in range(300):
+        world.step()
+        if any(world._touching[1:]):
+            world.hull.velocity = 2.0, world.hull.velocity[1]  # over the joints of the ground
+        seen.add((world._touching[1], world.contacts[0]))
+    assert {(0, False), (1, True), (1, False)} <= seen
 
 
 def test_leaving_world_sideways_terminates() -> None:

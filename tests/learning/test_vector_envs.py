@@ -51,9 +51,24 @@ def same_infos(one: dict[str, Any], other: dict[str, Any]) -> bool:
 @every_vector
 def test_vector_equals_single_environments(name: str, mode: AutoresetMode) -> None:
     """Also at the ground, for the plant itself takes over there; rewards differ by rounding."""
+    outcomes = outcomes_of_both(name, mode, {})
+    if "Continuous" not in name:
+        assert {"landed", "crashed"} <= outcomes
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("name", [VERTICAL, PAD])
+def test_dispersed_vector_equals_single_environments(name: str, mode: AutoresetMode) -> None:
+    spread = dict.fromkeys(gymnasium.make(name).unwrapped.plant.SCALABLE, 0.1)  # type: ignore[attr-defined]
+    factors = {"thrust_n": spread.pop("thrust_n") + 0.85}
+    assert "landed" in outcomes_of_both(name, mode, {"dispersion": spread, "factors": factors})
+
+
+def outcomes_of_both(name: str, mode: AutoresetMode, options: dict[str, Any]) -> set[str]:
+    """Compare some as one vector with as many single ones; return how their episodes have ended."""
     count, steps = (8, 420) if "Vertical" in name else (6, 330)
     ours, theirs = vector(name, count, autoreset_mode=mode), singles(name, count, mode)
-    (seen, infos), (expected, expected_infos) = ours.reset(seed=5), theirs.reset(seed=5)
+    (seen, infos), (expected, expected_infos) = (one.reset(seed=5, options=options) for one in (ours, theirs))
     assert np.array_equal(seen, expected)
     assert same_infos(infos, expected_infos)
     rng, outcomes = np.random.default_rng(3), set[str]()
@@ -68,8 +83,7 @@ def test_vector_equals_single_environments(name: str, mode: AutoresetMode) -> No
         assert same_infos(infos, expected_infos), k
         final = infos.get("final_info", infos)
         outcomes.update(final["outcome"][final["_outcome"]] if "outcome" in final else ())
-    if "Continuous" not in name:
-        assert {"landed", "crashed"} <= outcomes
+    return outcomes
 
 
 @pytest.mark.slow
@@ -218,6 +232,7 @@ def test_invalid_actions_raise_and_change_nothing(name: str, actions: Any) -> No
         ({"options": {"start": [1]}}, "1 starts for 2"),
         ({"options": {"start": [1, 2.5]}}, "the start 2.5"),
         ({"options": {"begin": 1}}, "the options"),
+        ({"options": {"dispersion": {"thrust_n": 0.6}}}, "a number from 0 to 0.5|'thrust_n': 0.6"),
         ({"seed": [1, 2, 3]}, "3 seeds for 2"),
     ],
 )

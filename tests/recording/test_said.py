@@ -9,6 +9,7 @@ import pytest
 
 from snr_sim import Config, Endpoint, SimClock, TaskType, WallClock, tasks
 from snr_sim.core.output_recording import record_output
+from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.recording import node_trace
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import MAX_LOG_LINE_CHARS, LogLineRecord, Record
@@ -69,6 +70,30 @@ def test_unterminated_line_is_recorded_at_end(tmp_path: Path) -> None:
     records = recorded(tmp_path, logging_config(words))
     assert log_lines(records) == [("part", "PRINT", "no line end")]
     assert records[-1].seq == records[-2].seq + 1
+
+
+def test_failure_of_a_handler_that_has_printed_replays_identically(tmp_path: Path) -> None:
+    def words(part: Any) -> None:
+        print("one\ntwo")
+        raise KeyError("three")
+
+    with pytest.raises(ComponentFailedError, match="three"):
+        recorded(tmp_path, logging_config(words))
+    trace = read_trace(next(tmp_path.iterdir()) / FILE_NAME)
+    assert log_lines(trace.records) == [("part", "PRINT", "one"), ("part", "PRINT", "two")]
+    assert replay_node(trace, "r", logging_config(words)).is_identical
+    assert not replay_node(trace, "r", logging_config(lambda part: None)).is_identical
+
+
+def test_replay_leaves_out_a_handler_that_has_printed_and_was_interrupted(tmp_path: Path) -> None:
+    def words(part: Any) -> None:
+        print("before it stands")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        recorded(tmp_path, logging_config(words))
+    trace = read_trace(next(tmp_path.iterdir()) / FILE_NAME)
+    assert replay_node(trace, "r", logging_config(words)).is_identical
 
 
 def test_print_reaches_terminal_and_library_logs_are_not_recorded(

@@ -72,6 +72,7 @@ def test_lab_files_have_no_findings(is_solved: bool, tmp_path: Path) -> None:
         ("        radar =", "        vars(self)['gain'] = 1.0\n        setattr(self, 'gian', 2.0)\n        self.gian\n        radar ="),
         ("        radar =", '        radar = {"here": 1}\n        radar["here"]\n        radar ='),
         ("class Gentle(", "class Base:\n    gain = 1.0\n\n    def twice(self):\n        return self.of_both\n\n\nclass Gentle("),
+        ("    def on_radar", "    max_tick_rate_hz = 10\n\n    def begin(self):\n        self.period_s = 1.0 / self.max_tick_rate_hz\n\n    def on_radar"),
         ("        radar =", "        self.parent.name, self.rng, self.log, self.factory\n        radar ="),
     ],
 )  # fmt: skip

@@ -11,8 +11,10 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import astuple
 from multiprocessing.connection import Connection
+from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import Any
 
@@ -33,6 +35,7 @@ from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
 
 _COUNTS_PERIOD_S = 0.5
+_ANSWER_TIMEOUT_S = 1.0  # a node that ends does not answer
 
 
 def run(line: Connection) -> None:
@@ -41,6 +44,7 @@ def run(line: Connection) -> None:
     begin = messages.receive()[1]
     messages.user = f"Loop '{begin['loop']}'"
     pages = RemoteDatastore(messages)
+    answers: SimpleQueue[Any] = SimpleQueue()
     life = ProcessLifetime()
     signal.signal(signal.SIGTERM, life.on_signal)
     spawned.unblock_signals()
@@ -48,13 +52,15 @@ def run(line: Connection) -> None:
     def handle(kind: str, *values: Any) -> None:
         if kind == "page":
             pages.on_page(*values)
+        elif kind == "answer":
+            answers.put(values[0])
         elif kind == "go":
             life.may_go.set()
 
     orders = (messages.receive, life.end, handle, 2.0 * JOIN_TIMEOUT_S)
     threading.Thread(target=spawned.execute_messages, args=orders, daemon=True).start()
     try:
-        node = LoopNode(begin, messages, pages)
+        node = LoopNode(begin, messages, pages, answers)
         loop = unpickle_factory(begin["factory"]).get(node)
         assert isinstance(loop, Loop), f"{loop!r} is not a Loop, but the node's factory returned one"
     except (Exception, SystemExit) as error:
@@ -188,14 +194,18 @@ class RemoteDatastore(Datastore):
 
 
 class LoopNode(Node):
-    """The node as the loop in this process sees it."""
+    """The node as the loop in this process sees it. What only the node itself knows, the loop's thread asks it."""
 
-    def __init__(self, begin: dict[str, Any], messages: MessageLine, pages: RemoteDatastore) -> None:
+    def __init__(
+        self, begin: dict[str, Any], messages: MessageLine, pages: RemoteDatastore, answers: SimpleQueue[Any]
+    ) -> None:
         config = Config(Mode(begin["mode"]), {begin["role"]: []})
         super().__init__(begin["role"], config, clock=WallClock(begin["clock_start_s"]), seed=begin["seed"])
         self.inbox: RemoteInbox = RemoteInbox(messages)
         self.datastore: RemoteDatastore = pages
         self._messages = messages
+        self._answers = answers
+        self.life.blame_suspects = self._blame_suspects
         logger = logging.getLogger("snr")
         logger.handlers[:] = [RemoteLogHandler(messages)]
         logger.setLevel(begin["log_level"])
@@ -204,6 +214,19 @@ class LoopNode(Node):
     def add_note(self, text: str, lines: str = "") -> None:
         """Send a note to the node."""
         self._messages.send("note", lines + text)
+
+    def find_writer(self, key: DataKey, reader: str) -> tuple[str, str, tuple[str, ...]]:
+        """Ask the node, which has the components."""
+        lines, who, suspects = self._ask("writer", key) or ("", "another process", ())
+        return lines, who, tuple(suspects)
+
+    def _blame_suspects(self, failure: ComponentFailedError) -> bool:
+        return bool(self._ask("blame", failure.message, list(failure.suspects), failure.stored_at_s))
+
+    def _ask(self, *question: Any) -> Any:
+        self._messages.send("ask", *question)
+        with suppress(Empty):
+            return self._answers.get(timeout=_ANSWER_TIMEOUT_S)
 
 
 class RemoteLogHandler(logging.Handler):

@@ -120,6 +120,9 @@ class ProcessExecutor:
                     self._node.profiler.timings.update({name: Timing(*timing) for name, timing in timings.items()})
             case "watch", key:
                 self._watch(key)
+            case "ask", what, *details:
+                assert self._child is not None
+                self._child.send(("answer", self._answer(what, *details)))
             case "log", name, level, text:
                 logging.getLogger(name).log(level, "%s", text)
             case "note", text:
@@ -132,6 +135,14 @@ class ProcessExecutor:
                 self.is_stopped = True
             case ("over",):
                 self._is_finished = True
+
+    def _answer(self, what: str, *details: Any) -> Any:
+        """Return what the process asks: who stored a page that it refuses, or whether new code is blamed for that."""
+        if what == "writer":
+            return list(self._node.find_writer(details[0], self._loop.name))
+        message, suspects, stored_at_s = details
+        failure = ComponentFailedError(message, self._node.name, self._loop.name, "loop", suspects, stored_at_s)
+        return self._life.blame_suspects(failure)
 
     def _watch(self, key: DataKey) -> None:
         """Send the newest page of a key now, and from now on each time one is stored."""
