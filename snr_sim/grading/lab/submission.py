@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.fork_server import ForkServer
-from snr_sim.grading.remote.imports import check_imports
+from snr_sim.grading.remote.parsers import MAX_PARSED_BYTES, check_imports
 from snr_sim.grading.remote.piped_process import begin_process
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits

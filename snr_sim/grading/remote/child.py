@@ -20,8 +20,16 @@ import msgspec
 from snr_sim.core.source_location import describe_error, location_of, prepend_location
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import UnsendableValueError, encode_plain, short
-from snr_sim.grading.remote.cpu_time import CpuTimeExceeded, install_timer_handler, limit_cpu_time, start_timer
-from snr_sim.grading.sandbox.child_limits import drop_privileges, end_with_parent, forbid_threads, limit
+from snr_sim.grading.sandbox.child_limits import (
+    CpuTimeExceeded,
+    drop_privileges,
+    end_with_parent,
+    forbid_threads,
+    install_timer_handler,
+    limit,
+    limit_cpu_time,
+    start_timer,
+)
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library

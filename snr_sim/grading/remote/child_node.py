@@ -28,7 +28,7 @@ from snr_sim.core.output_recording import RecordedOutput
 from snr_sim.core.source_location import describe_error, location_of
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import plain
-from snr_sim.grading.remote.cpu_time import CpuTimeExceeded
+from snr_sim.grading.sandbox.child_limits import CpuTimeExceeded
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page

@@ -23,6 +23,7 @@ from snr_sim.grading.remote.fork_server import ForkedChild, ForkServer
 from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.remote.sent_code import code_to_send
 from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox.child_limits import TIME_UP_STATUS
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
 
@@ -280,7 +281,7 @@ class ChildProcess:
         self.kill()
         number = -status if status is not None and status < 0 else (status or 0) - 128
         name = signal.Signals(number).name if number in set(signal.Signals) else ""
-        if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == protocol.TIME_UP_STATUS:
+        if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == TIME_UP_STATUS:
             return _cpu_limit_error()
         if name in ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE"):
             return SubmissionError(f"It crashed with {name}.", "Did it run out of memory?")

@@ -26,7 +26,6 @@ MAX_DEPTH = 32
 # Written to the output before each answer, where output and answers come through two pipes.
 END_OF_OUTPUT = b"\0\1end of output\1\0"
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
-TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
 # Between the grader and its fork server: words, and the exit status of a copy.
 FORK, EXIT_STATUS, USED_UP, FORKED = b"fork", b"exit status", b"used up", b"forked"
 MAX_WORD_BYTES = 64
