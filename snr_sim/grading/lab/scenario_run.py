@@ -23,7 +23,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.values import decode_value
-from snr_sim.recording.folder import RESULT_SCHEMA, write_result
+from snr_sim.recording.folder import write_result
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import ErrorRecord, PageRecord, TruthRecord
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -197,23 +197,9 @@ def _execute(
         raise KeyboardInterrupt
     trace = read_trace(folder / FILE_NAME)
     if is_kept:
-        fields = {
-            "schema": RESULT_SCHEMA,
-            "scenario": simulation.request.scenario,
-            "seed": simulation.request.seed,
-            "engine": simulation.request.engine,
-            "controller": simulation.request.controller,
-            "success": result.success,
-            "outcome": result.outcome,
-            **result.metrics,
-            "sim_time_s": result.sim_time_s,
-            "tasks": result.tasks,
-            "pages": result.pages,
-            "notes": result.notes,
-            "trace_digest": trace.digest,
-            "run_dir": str(folder),
-        }
-        write_result(folder, fields | ({"error": result.error} if result.error else {}))
+        fields = result.fields(simulation.request, trace.digest, folder)
+        del fields["wall_time_s"]  # a graded run is the same each time
+        write_result(folder, fields)
     return ScenarioRun(result, trace, folder if is_kept else None)
 
 
