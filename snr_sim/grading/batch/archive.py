@@ -108,9 +108,9 @@ class _Bounded(io.BufferedReader):
         Raises:
             SubmissionRejectedError: they are more than any honest archive makes one read at once.
         """
-        wanted = -1 if size is None else size  # the end of the archive is read without a size
-        data = super().read(wanted if 0 <= wanted <= MAX_DIRECTORY_BYTES else MAX_DIRECTORY_BYTES + 1)
-        if max(wanted, len(data)) > MAX_DIRECTORY_BYTES:
+        requested = -1 if size is None else size  # the end of the archive is read without a size
+        data = super().read(requested if 0 <= requested <= MAX_DIRECTORY_BYTES else MAX_DIRECTORY_BYTES + 1)
+        if max(requested, len(data)) > MAX_DIRECTORY_BYTES:
             raise SubmissionRejectedError(
                 "Your archive has too many files in it.", fix="hand in only what the lab asks for."
             )

@@ -43,7 +43,7 @@ class ChildProcess:
         isolation: "sandbox", "confined", or "none".
         limits: CPU time, memory and files that it may use.
         readable: further folders it may read: of robots.
-        fork_server: fork server that copies it, if it needs no more than the submission.
+        fork_server: fork server that copies it, if it can.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class ChildProcess:
         here.setblocking(False)
         with there:
             try:
-                forked = fork_server.fork(folder, there.fileno()) if fork_server is not None and not readable else None
+                forked = fork_server and fork_server.fork(folder, isolation, there.fileno(), readable)
                 self._process = forked or start_process(
                     folder, isolation, there.fileno(), limits, readable, self._confiner
                 )
@@ -70,6 +70,8 @@ class ChildProcess:
                 if self._confiner is not None:
                     self._confiner.close()
                 raise
+        # A copy in a sandbox is the first process of a namespace, which ends with it.
+        self._has_group = isolation != "sandbox" or forked is None
         assert self._process.stdout is not None
         self._output = self._process.stdout.fileno()
         os.set_blocking(self._output, False)
@@ -291,8 +293,8 @@ class ChildProcess:
         )
 
     def kill(self) -> None:
-        """End it, with all that it started: a copy is the first process of a namespace, which ends with it."""
-        if not isinstance(self._process, ForkedChild):
+        """End it, with all that it started."""
+        if self._has_group:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
         with suppress(ProcessLookupError):
