@@ -74,3 +74,12 @@ def test_copies_without_isolation_are_as_fresh_processes(tmp_path: Path) -> None
             time.sleep(0.01)
         assert not is_running(orphan)
         assert fork_server.fork(tmp_path, "sandbox", 0, ()) is None  # or a program would run without its sandbox
+
+
+def test_fork_server_makes_no_copies_where_the_kernel_has_no_handles(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(number: int) -> int:
+        raise OSError(38, "Function not implemented")
+
+    monkeypatch.setattr("os.pidfd_open", missing)
+    with ForkServer("none", Limits()) as fork_server:
+        assert fork_server.fork(Path("/"), "none", 0, ()) is None
