@@ -92,9 +92,13 @@ class TakenNames:
         """
         for count in range(1, len(parts) + 1):
             name, is_file = "/".join(parts[:count]), count == len(parts)
-            taken, is_taken_by_file = self._taken.setdefault(_key(name), (name, is_file))
-            if taken is name or not (is_file or is_taken_by_file):
-                continue  # just taken, or another file's folder
+            key = _key(name)
+            if key not in self._taken:
+                self._taken[key] = name, is_file
+                continue
+            taken, is_taken_by_file = self._taken[key]
+            if not (is_file or is_taken_by_file):
+                continue  # they are in the same folder
             if taken == name:
                 raise SubmissionRejectedError(f"Your submission has '{shown(taken)}' twice.", fix="zip each file once.")
             raise SubmissionRejectedError(
