@@ -42,15 +42,15 @@ WARM = """
 
 
 @pytest.fixture(scope="session")
-def warm_fork_server() -> Iterator[ForkServer]:
+def warm() -> Iterator[ForkServer]:
     begin = launch.start_command
 
-    def warm(*args: Any, **more: Any) -> tuple[list[str], Path]:
+    def warmed(*args: Any, **more: Any) -> tuple[list[str], Path]:
         command, folder = begin(*args, **more)
         return [*command[:-1], command[-1].replace("; main(", f"; import {', '.join(WARM.split())}; main(")], folder
 
     with ForkServer("none", Limits()) as fork_server, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(launch, "start_command", warm)
+        patch.setattr(launch, "start_command", warmed)
         child = ChildProcess(ROOT, "none", Limits(), fork_server=fork_server)  # starts the process that is copied
         child.close()
         patch.undo()
@@ -58,10 +58,10 @@ def warm_fork_server() -> Iterator[ForkServer]:
 
 
 @pytest.fixture
-def warm_children(warm_fork_server: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
+def warm_children(warm: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Has the grader's student processes be copies of one process."""
-    monkeypatch.setattr(grade, "ForkServer", lambda *_: nullcontext(warm_fork_server))
-    monkeypatch.setattr(submission, "ChildProcess", lambda *args: ChildProcess(*args[:-1], warm_fork_server))
+    monkeypatch.setattr(grade, "ForkServer", lambda *_: nullcontext(warm))
+    monkeypatch.setattr(submission, "ChildProcess", lambda *args: ChildProcess(*args[:-1], warm))
 
 
 def one_hidden(check: Check) -> Check:
