@@ -62,13 +62,13 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.recording.records.PageRecord",
     },
     "assignments/08_sim_to_pi/checks.py": {
-        "snr_sim.grading.batch.parsing.MAX_PARSED_BYTES",
+        "snr_sim.grading.remote.parsers.MAX_PARSED_BYTES",
         "snr_sim.plants.urov.t200.MAX_PULSE_US",
         "snr_sim.plants.urov.t200.MIN_PULSE_US",
         "snr_sim.plants.urov.t200.STOP_US",
     },
     "assignments/09_debug_by_replay/checks.py": {
-        "snr_sim.grading.batch.parsing.toml_in",
+        "snr_sim.grading.remote.parsers.toml_in",
         "snr_sim.recording.trace.FILE_NAME",
     },
     "assignments/09_debug_by_replay/starter/repairs.py": {
@@ -108,7 +108,7 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.scenario.library.load_program",
     },
     "assignments/12_live_programming/checks.py": {
-        "snr_sim.grading.batch.parsing.toml_in",
+        "snr_sim.grading.remote.parsers.toml_in",
         "snr_sim.scenario.machine_edits.TABLE",
         "snr_sim.scenario.machine_edits.digest_of_changes",
     },

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.grading import Lab, ScenarioRun, Stimulus, Student, Verdict, check, failed, passed, require_field
-from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
+from snr_sim.grading.remote.parsers import MAX_PARSED_BYTES
 from snr_sim.plants.urov.t200 import MAX_PULSE_US, MIN_PULSE_US, STOP_US
 
 SCENARIO, FILE = "urov_depth_hold", "depth_hold.py"

@@ -15,7 +15,7 @@ from typing import Any
 
 from snr_sim import Page
 from snr_sim.grading import Lab, ScenarioRun, Stimulus, Student, Verdict, check, failed, partial_credit, passed
-from snr_sim.grading.batch.parsing import toml_in
+from snr_sim.grading.remote.parsers import toml_in
 from snr_sim.recording import InputRecord, PageRecord, TaskRecord, Trace, decode_value, read_trace
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import Request, prepare, run_recorded

@@ -27,7 +27,7 @@ from snr_sim.grading import (
     require_field,
     require_page,
 )
-from snr_sim.grading.batch.parsing import toml_in
+from snr_sim.grading.remote.parsers import toml_in
 from snr_sim.scenario.machine_edits import TABLE, digest_of_changes
 
 from .grader.reading import read_program

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from snr_sim.grading.batch.stop_signals import StopSignals
     from snr_sim.grading.batch.submissions import Submission
     from snr_sim.grading.lab.lab import Lab
-    from snr_sim.grading.reports.class_table import Summary
+    from snr_sim.grading.reports.class_reports import Summary
     from snr_sim.grading.reports.results import Graded, RequestedIsolation
 
 _MAX_SHOWN = 10

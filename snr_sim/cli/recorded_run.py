@@ -134,7 +134,7 @@ def record_run(
             ReloadChecks(simulation, run.nodes, foreseen, report)
         result = _run_to_end(run, signals, recorder)
         result.notes = list(dict.fromkeys([*foreseen, *result.notes, *kept.left_out]))
-        fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
+        fields = result.fields(simulation.request, recorder.digest, place / folder.name)
         noted = list(result.notes)
         _keep_result(folder, fields, result)
     if is_viewed:
@@ -228,34 +228,6 @@ def _close(recorder: TraceWriter) -> str:
     except TraceError as error:
         return str(error)
     return ""
-
-
-def result_fields(request: Request, result: RunResult, digest: str, folder: Path) -> dict[str, Any]:
-    """Return the fields of result.json and --json."""
-    from snr_sim.recording.folder import RESULT_SCHEMA
-
-    fields: dict[str, Any] = {
-        "schema": RESULT_SCHEMA,
-        "scenario": request.scenario,
-        "seed": request.seed,
-        "engine": request.engine,
-        "controller": request.controller,
-        "success": result.success,
-        "outcome": result.outcome,
-        **result.metrics,
-        "sim_time_s": result.sim_time_s,
-        "wall_time_s": result.wall_time_s,
-        "tasks": result.tasks,
-        "pages": result.pages,
-        "notes": result.notes,
-        "trace_digest": digest,
-        "run_dir": str(folder),
-    }
-    if result.error:
-        fields["error"] = result.error
-    if result.signal:
-        fields["signal"] = result.signal
-    return fields
 
 
 def _write_view(folder: Path, result: RunResult) -> None:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, TypeAlias
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from snr_sim.grading.lab.fields import require_field as require_field
-    from snr_sim.grading.lab.fields import require_page as require_page
+    from snr_sim.grading.lab.answers import require_field as require_field
+    from snr_sim.grading.lab.answers import require_page as require_page
     from snr_sim.grading.lab.lab import Lab as Lab
     from snr_sim.grading.lab.lab import check as check
     from snr_sim.grading.lab.scenario_run import ScenarioRun as ScenarioRun

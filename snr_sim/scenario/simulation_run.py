@@ -24,9 +24,10 @@ from snr_sim.prelude.errors import ConfigError, SnrError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.task import Task
+from snr_sim.recording.folder import RESULT_SCHEMA
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.controller import call_student
-from snr_sim.scenario.simulation import Simulation
+from snr_sim.scenario.simulation import Request, Simulation
 
 _TRUTH_PERIOD_S = 0.0499  # 20 Hz, with a margin for rounding
 AFTER_LOOPS = 1_000_000  # under a SimClock, later than the ticks of all loops that are due at the same time
@@ -46,6 +47,28 @@ class RunResult:
     notes: list[str]
     error: str = ""
     signal: str = ""
+
+    def fields(self, request: Request, digest: str, folder: Path) -> dict[str, Any]:
+        """Return the fields of result.json and --json."""
+        return {
+            "schema": RESULT_SCHEMA,
+            "scenario": request.scenario,
+            "seed": request.seed,
+            "engine": request.engine,
+            "controller": request.controller,
+            "success": self.success,
+            "outcome": self.outcome,
+            **self.metrics,
+            "sim_time_s": self.sim_time_s,
+            "wall_time_s": self.wall_time_s,
+            "tasks": self.tasks,
+            "pages": self.pages,
+            "notes": self.notes,
+            "trace_digest": digest,
+            "run_dir": str(folder),
+            **({"error": self.error} if self.error else {}),
+            **({"signal": self.signal} if self.signal else {}),
+        }
 
 
 class SimulationRun:

@@ -1,30 +1,28 @@
 """References and mistakes of the labs are here, outside the wheel; they run as a student's files, not by themselves.
 
-`mark` grades one as a submission is graded, each case in a process of its own. But a new process takes half a second to
-import the kit, and the labs' tests would need thousands. So one process imports it once, and each case has a copy (a
-fork) of that one, with nothing of a student's in it.
+`mark` grades one as a submission is graded, each case in a process of its own: a copy of one process of all tests.
 """
 
-import io
 import os
 import re
-import signal
-import socket
-import struct
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import suppress
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
+from snr_sim.grading import grade
 from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab import submission
 from snr_sim.grading.lab.lab import Check, Lab, find_lab, load_lab
 from snr_sim.grading.remote import launch
-from snr_sim.grading.remote.launch import environment
+from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.remote.fork_server import ForkServer
+from snr_sim.grading.sandbox.sandbox import Limits
 from tests.assignments.mistakes import write_solution, write_starter
 
 collect_ignore_glob = ["*/reference/*"]
@@ -33,117 +31,39 @@ ROOT = Path(__file__).parents[2]
 SECRET = b"the secret of these tests"
 
 
-# Modules of the kit that most copies need are imported here once: importing them in each took a tenth of the CPU time.
-# It runs each command in a copy of itself, as if Python were started with it. Each command comes with two descriptors:
-# the line to answer on, which the command knows by its number, and where prints go.
+# Modules of the kit that most copies need are imported once: importing them in each took a tenth of the CPU time.
 WARM = """
-import os, signal, socket, struct, sys
-sys.path[:] = {path!r}
-import fcntl, numpy.ma, numpy.random, numpy.typing, resource, tomllib
-from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Node, TaskType
-from snr_sim.behaviors import endpoint, explore, language
-from snr_sim.core import lockstep, runners
-from snr_sim.devices import simulated, terminal_keys
-from snr_sim.devices.sensors import camera
-from snr_sim.devices.sensors import echo_sounder
-from snr_sim.devices.sensors import hull_sensors
-from snr_sim.devices.sensors import imu
-from snr_sim.devices.sensors import ms5837
-from snr_sim.grading.remote import child
-from snr_sim.grading.remote import child_node
-from snr_sim.plants.urov import t200
-from snr_sim.plants.urov import vehicle_file
-from snr_sim.scenario import machine_controller
-from snr_sim.std_mods import allocation, slew, thrust_curve
-from snr_sim import links, teleop
-signal.signal(signal.SIGCHLD, signal.SIG_IGN)
-asked = socket.socket(fileno={line})
-while True:
-    message, (line, output), _, _ = socket.recv_fds(asked, 1 << 16, 2)
-    copied = os.fork()
-    if copied == 0:
-        folder, number, command = message.decode().split("\\0")
-        os.setsid()
-        asked.close()
-        os.chdir(folder)
-        os.dup2(output, 1), os.dup2(output, 2), os.close(output)
-        if line != int(number):
-            os.dup2(line, int(number)), os.close(line)
-        exec(command)
-        os._exit(1)
-    os.close(line), os.close(output)
-    asked.send(struct.pack("i", copied))
+    fcntl numpy.ma numpy.random numpy.typing resource tomllib snr_sim.behaviors.endpoint snr_sim.behaviors.explore
+    snr_sim.behaviors.language snr_sim.core.lockstep snr_sim.core.runners snr_sim.devices.simulated
+    snr_sim.devices.terminal_keys snr_sim.devices.sensors.camera snr_sim.devices.sensors.echo_sounder
+    snr_sim.devices.sensors.hull_sensors snr_sim.devices.sensors.imu snr_sim.devices.sensors.ms5837
+    snr_sim.plants.urov.t200 snr_sim.plants.urov.vehicle_file snr_sim.links snr_sim.teleop
+    snr_sim.scenario.machine_controller snr_sim.std_mods.allocation snr_sim.std_mods.slew
+    snr_sim.std_mods.thrust_curve
 """
 
 
-class WarmProcess:
-    """The process that is copied."""
-
-    def __init__(self) -> None:
-        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        program = WARM.format(path=sys.path, line=there.fileno())
-        command = [sys.executable, "-P", "-s", "-S", "-c", program]
-        # To a pipe, as its copies print: what sys.stdout is was settled when it began.
-        self.process = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, pass_fds=(there.fileno(),))
-        self.socket = here
-        there.close()
-
-    def copy(self, folder: Path, command: str, line: int, output: int) -> int:
-        """Return the number of a copy that does this, in this folder."""
-        socket.send_fds(self.socket, ["\0".join((str(folder), str(line), command)).encode()], [line, output])
-        number: int = struct.unpack("i", self.socket.recv(4))[0]
-        return number
-
-    def close(self) -> None:
-        """End it."""
-        self.process.kill()
-        self.process.communicate()
-        self.socket.close()
-
-
-class Copy:
-    """A copy, with what `ChildProcess` asks of a process."""
-
-    def __init__(self, number: int, output: int) -> None:
-        self.pid = number
-        self.stdout = io.FileIO(output)
-
-    def poll(self) -> int | None:
-        """Return None: it is not a child of this process, so its exit status is unknown."""
-        return None
-
-    def wait(self, timeout_s: float = 0.0) -> None:
-        """Do nothing: after SIGKILL the kernel ends it."""
-
-    def kill(self) -> None:
-        """End it."""
-        with suppress(ProcessLookupError):
-            os.kill(self.pid, signal.SIGKILL)
-
-
 @pytest.fixture(scope="session")
-def warm() -> Iterator[WarmProcess]:
-    process = WarmProcess()
-    yield process
-    process.close()
+def warm() -> Iterator[ForkServer]:
+    begin = launch.start_command
+
+    def warmed(*args: Any, **more: Any) -> tuple[list[str], Path]:
+        command, folder = begin(*args, **more)
+        return [*command[:-1], command[-1].replace("; main(", f"; import {', '.join(WARM.split())}; main(")], folder
+
+    with ForkServer("none", Limits()) as fork_server, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(launch, "start_command", warmed)
+        child = ChildProcess(ROOT, "none", Limits(), fork_server=fork_server)  # starts the process that is copied
+        child.close()
+        patch.undo()
+        yield fork_server
 
 
 @pytest.fixture
-def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Has the grader's student processes be copies of the warm one."""
-
-    def popen(command: list[str], cwd: Path, pass_fds: tuple[int], **_: Any) -> Copy:
-        reader, writer = os.pipe()
-        number = warm.copy(cwd, command[-1], pass_fds[0], writer)
-        os.close(writer)
-        return Copy(number, reader)
-
-    class Subprocess:
-        """`subprocess` as `launch` sees it."""
-
-        Popen, DEVNULL, PIPE, STDOUT = staticmethod(popen), subprocess.DEVNULL, subprocess.PIPE, subprocess.STDOUT
-
-    monkeypatch.setattr(launch, "subprocess", Subprocess)
+def warm_children(warm: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has the grader's student processes be copies of one process."""
+    monkeypatch.setattr(grade, "ForkServer", lambda *_: nullcontext(warm))
+    monkeypatch.setattr(submission, "ChildProcess", lambda *args: ChildProcess(*args[:-1], warm))
 
 
 def one_hidden(check: Check) -> Check:

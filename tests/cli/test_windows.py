@@ -20,11 +20,11 @@ from pathlib import Path
 from as_on_windows import block
 block()
 import msgspec
-from snr_sim.grading.remote.piped_process import PipedProcess, begin_process
+from snr_sim.grading import Student
+from snr_sim.grading.remote.piped_process import PipedProcess
 from snr_sim.grading.remote.protocol import Call
-from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.grading.lab.verdicts import SubmissionError
-child = begin_process(Path(sys.argv[1]), "none", Limits(), (), None)
+child = Student(Path(sys.argv[1])).child("mine.py")
 assert type(child) is PipedProcess
 call = lambda function, cpu_s=5.0: child.ask(Call("mine.py", function, msgspec.Raw(b"[]")), cpu_s)
 """
@@ -136,22 +136,9 @@ def test_student_process_replies_and_prints(tmp_path: Path) -> None:
     assert done.stdout == "b'2' added\n", done.stderr
 
 
-SLOW_OUTPUT = """
-import os, time
-read = os.read
-child_output = child._piped.stderr.fileno()
-def slowly(number, size):
-    data = read(number, size)
-    if number == child_output:
-        time.sleep(0.1)
-    return data
-os.read = slowly
-"""
-
-
-def test_output_before_an_answer_is_read_before_it_though_its_thread_comes_late(tmp_path: Path) -> None:
+def test_output_before_an_answer_is_there_with_it(tmp_path: Path) -> None:
     asks = "for i in range(3):\n    call('add')\n    print(child.printed.count('added'))\nchild.close()"
-    assert held(tmp_path, SLOW_OUTPUT + asks).stdout == "1\n2\n3\n"
+    assert held(tmp_path, asks).stdout == "1\n2\n3\n"
 
 
 def test_program_that_closes_its_output_is_answered(tmp_path: Path) -> None:

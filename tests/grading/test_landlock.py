@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.sandbox.landlock import READ, READ_DIR, paths_except
+from snr_sim.grading.sandbox.confinement import READ, READ_DIR, paths_except
 
 SCRIPT = """
 import ctypes, json, sys
 from pathlib import Path
-from snr_sim.grading.sandbox.landlock import LandlockMissingError, SCRATCH, paths_except, restrict
+from snr_sim.grading.sandbox.confinement import LandlockMissingError, SCRATCH, paths_except, restrict
 
 tree = Path(sys.argv[1])
 ctypes.CDLL(None).prctl(38, 1, 0, 0, 0)

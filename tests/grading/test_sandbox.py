@@ -361,7 +361,7 @@ def test_root_without_mount_and_landlock_raises_both_reasons(monkeypatch: pytest
 
     def no_landlock(*_: object) -> None:
         raise confinement_error(
-            "Traceback\n  ...\nsnr_sim.grading.sandbox.landlock.LandlockMissingError: Landlock: Function missing"
+            "Traceback\n  ...\nsnr_sim.grading.sandbox.confinement.LandlockMissingError: Landlock: Function missing"
         )
 
     def no_namespaces() -> None:

@@ -9,22 +9,20 @@ from pathlib import Path
 import pytest
 
 from snr_sim.grading.sandbox.seccomp import (
-    ALLOW,
-    ASK,
-    ERRNO,
-    KILL,
-    Instruction,
-    file_creation_filter,
-    system_call_filter,
-)
-from snr_sim.grading.sandbox.system_calls import (
     ABSENT,
+    ALLOW,
     ALLOWED,
     ARCHITECTURES,
+    ASK,
     COLUMN,
+    ERRNO,
+    KILL,
     SECCOMP,
     STARTS_A_PROCESS,
     WITH_CONDITIONS,
+    Instruction,
+    file_creation_filter,
+    system_call_filter,
 )
 
 PID = 4711

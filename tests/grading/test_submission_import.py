@@ -489,9 +489,10 @@ def test_damaged_archive_is_rejected_or_read_correctly(tmp_path: Path) -> None:
         assert found["depth_hold.py"] == CODE * 20
 
 
-def test_duplicate_name_is_rejected(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["depth_hold.py", "a"])
+def test_duplicate_name_is_rejected(name: str, tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="Duplicate"):
-        given = zipped(tmp_path, ("depth_hold.py", CODE), ("depth_hold.py", b"other"))
+        given = zipped(tmp_path, ("depth_hold.py", CODE), (name, CODE), (name, b"other"))
     with pytest.raises(SubmissionRejectedError, match="twice"):
         taken(tmp_path, given)
 

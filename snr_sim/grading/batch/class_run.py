@@ -25,11 +25,15 @@ from snr_sim.grading.batch.submissions import Submission
 from snr_sim.grading.batch.worker import Job, ungraded_result
 from snr_sim.grading.batch.workers import LocalWorkers
 from snr_sim.grading.lab.lab import Lab
-from snr_sim.grading.reports.class_table import Summary, write_cases, write_class, write_leaderboard
-from snr_sim.grading.reports.distribution import draw_distribution
+from snr_sim.grading.reports.class_reports import (
+    Summary,
+    draw_distribution,
+    write_cases,
+    write_class,
+    write_leaderboard,
+)
 from snr_sim.grading.reports.results import Graded, RequestedIsolation, with_runs_named
-from snr_sim.grading.reports.services import check50, gradescope_results, junit
-from snr_sim.grading.reports.student_page import student_page
+from snr_sim.grading.reports.student_reports import reports_of
 from snr_sim.prelude.errors import MissingExtraError
 from snr_sim.recording.atomic_files import write_atomic
 
@@ -127,16 +131,6 @@ class ClassRun:
     def _keep(self, graded: Graded, digest: str) -> None:
         self._folder.keep(graded, digest, reports_of(graded))
         self._on_done(graded)
-
-
-def reports_of(graded: Graded) -> dict[str, str]:
-    """Return the files of a student's folder."""
-    return {
-        "report.md": student_page(graded),
-        "results.json": gradescope_results(graded),
-        "junit.xml": junit(graded),
-        "check50.json": check50(graded),
-    }
 
 
 def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:

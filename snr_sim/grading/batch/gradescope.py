@@ -33,7 +33,7 @@ from snr_sim.grading.batch.submission_import import import_submission, remove
 from snr_sim.grading.batch.worker import Job, grade, ungraded_result
 from snr_sim.grading.lab.lab import Lab, load_lab
 from snr_sim.grading.reports.results import Graded, RequestedIsolation, with_runs_named
-from snr_sim.grading.reports.services import gradescope_results
+from snr_sim.grading.reports.student_reports import gradescope_results
 from snr_sim.prelude.errors import SnrError
 from snr_sim.recording.atomic_files import write_atomic
 

@@ -82,8 +82,7 @@ class TakenNames:
     """Paths used so far, to find two that a file system may treat as the same."""
 
     def __init__(self) -> None:
-        self._files: dict[str, str] = {}  # by the path as a file system may compare it
-        self._folders: dict[str, str] = {}
+        self._taken: dict[str, tuple[str, bool]] = {}  # name, and whether of a file; by the name as systems compare it
 
     def add(self, parts: tuple[str, ...]) -> None:
         """Take the path of a file.
@@ -91,19 +90,21 @@ class TakenNames:
         Raises:
             SubmissionRejectedError: it is there already, or differs only in capitals or in the encoding of its letters.
         """
-        name = "/".join(parts)
-        above = ["/".join(parts[:count]) for count in range(1, len(parts))]
-        taken = self._files.get(_key(name)) or self._folders.get(_key(name))
-        taken = taken or next((self._files[_key(one)] for one in above if _key(one) in self._files), None)
-        if taken is not None and _key(taken) == _key(name) and taken != name:
+        for count in range(1, len(parts) + 1):
+            name, is_file = "/".join(parts[:count]), count == len(parts)
+            key = _key(name)
+            if key not in self._taken:
+                self._taken[key] = name, is_file
+                continue
+            taken, is_taken_by_file = self._taken[key]
+            if not (is_file or is_taken_by_file):
+                continue  # they are in the same folder
+            if taken == name:
+                raise SubmissionRejectedError(f"Your submission has '{shown(taken)}' twice.", fix="zip each file once.")
             raise SubmissionRejectedError(
                 f"Your submission has '{shown(taken)}' and '{shown(name)}', which are the same name on many computers.",
                 fix="rename one of them.",
             )
-        if taken is not None:
-            raise SubmissionRejectedError(f"Your submission has '{shown(taken)}' twice.", fix="zip each file once.")
-        self._files[_key(name)] = name
-        self._folders.update((_key(one), one) for one in above)
 
 
 def _key(name: str) -> str:

@@ -57,7 +57,8 @@ def serve(line: Connection) -> int:
         # A worker may be killed at any moment and then removes nothing. So all its temporary folders are in the
         # class's place, which the grader removes.
         tempfile.tempdir = str(Path(job.folder).parent)
-        fork_server = fork_server or _make_fork_server(job)
+        # Where all submissions of a class get their processes, which die with this one.
+        fork_server = fork_server or ForkServer(_isolation_here(job.isolation), Limits())
         limit_resources()
         line.send_bytes(encode_graded(grade(job, fork_server)))
 
@@ -74,17 +75,6 @@ def limit_resources() -> None:
         hard = resource.getrlimit(limit)[1]
         with suppress(OSError, ValueError):  # a system that has no such limit
             resource.setrlimit(limit, (max_value if hard == resource.RLIM_INFINITY else min(max_value, hard), hard))
-
-
-def _make_fork_server(job: Job) -> ForkServer | None:
-    """Return where all submissions of a class get their processes, which die with this one.
-
-    None where programs cannot be isolated: each grading reports it.
-    """
-    try:
-        return ForkServer(resolve_isolation(job.isolation), Limits())
-    except (SnrError, OSError):
-        return None
 
 
 def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:

@@ -23,7 +23,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.values import decode_value
-from snr_sim.recording.folder import RESULT_SCHEMA, write_result
+from snr_sim.recording.folder import write_result
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import ErrorRecord, PageRecord, TruthRecord
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -76,7 +76,6 @@ def run_scenario(
     controller: str,
     options: dict[str, str],
     io: str,
-    engine: str | None,
     may_fail: bool,
     inputs: Sequence[Stimulus] = (),
 ) -> ScenarioRun:
@@ -84,7 +83,7 @@ def run_scenario(
 
     Args:
         student: the submission.
-        scenario, seed, options, io, engine: as for `snr run`.
+        scenario, seed, options, io: as for `snr run`.
         controller: file of the submission.
         may_fail: whether a run that the student's program ended, by itself or with an error, is returned, too.
         inputs: tasks that come from outside meanwhile, to every node, such as an edit of a state machine.
@@ -98,7 +97,7 @@ def run_scenario(
     child = student.new_child(controller, [robot.path])
     try:
         remote = Remote(child, controller)
-        request = Request(scenario, seed, engine, str(student.folder / controller), None, io, options)
+        request = Request(scenario, seed, None, str(student.folder / controller), None, io, options)
         simulation, plant, config = _prepared(request, remote, robot)
         if student.record_to is not None:
             folder = student.record_to / f"run-{student.run_count + 1}"
@@ -198,23 +197,9 @@ def _execute(
         raise KeyboardInterrupt
     trace = read_trace(folder / FILE_NAME)
     if is_kept:
-        fields = {
-            "schema": RESULT_SCHEMA,
-            "scenario": simulation.request.scenario,
-            "seed": simulation.request.seed,
-            "engine": simulation.request.engine,
-            "controller": simulation.request.controller,
-            "success": result.success,
-            "outcome": result.outcome,
-            **result.metrics,
-            "sim_time_s": result.sim_time_s,
-            "tasks": result.tasks,
-            "pages": result.pages,
-            "notes": result.notes,
-            "trace_digest": trace.digest,
-            "run_dir": str(folder),
-        }
-        write_result(folder, fields | ({"error": result.error} if result.error else {}))
+        fields = result.fields(simulation.request, trace.digest, folder)
+        del fields["wall_time_s"]  # a graded run is the same each time
+        write_result(folder, fields)
     return ScenarioRun(result, trace, folder if is_kept else None)
 
 
@@ -246,7 +231,7 @@ def _robot_of(scenario: str) -> library.FoundItem:
 def _base(request: Request, roles: Any) -> tuple[Simulation, ModuleType | None]:
     """Return a scenario with its robot, loaded once for many runs, and the controller of the other roles."""
     named = tuple(map(str, roles)) if isinstance(roles, list) else None
-    what = (request.scenario, request.engine, request.io, named)
+    what = (request.scenario, request.io, named)
     base, standard = _loaded(*what)
     if sys.modules.get(base.robot_file.__name__) is not base.robot_file:  # another one was loaded since
         _loaded.cache_clear()
@@ -255,11 +240,9 @@ def _base(request: Request, roles: Any) -> tuple[Simulation, ModuleType | None]:
 
 
 @lru_cache(maxsize=1)
-def _loaded(
-    scenario: str, engine: str | None, io: str, roles: tuple[str, ...] | None
-) -> tuple[Simulation, ModuleType | None]:
+def _loaded(scenario: str, io: str, roles: tuple[str, ...] | None) -> tuple[Simulation, ModuleType | None]:
     try:
-        base = prepare(Request(scenario, engine=engine, io=io), _empty_controller)
+        base = prepare(Request(scenario, io=io), _empty_controller)
         if roles is None or base.robot_file.ROLES[0] in roles:
             return base, None
         return base, library.load_controller(_robot_of(scenario), base.scenario.CONTROLLER)

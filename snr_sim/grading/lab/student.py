@@ -6,20 +6,17 @@ Its failures are raised as `SubmissionError`, which the grader turns into a fail
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from snr_sim.grading.lab.answers import checked
 from snr_sim.grading.lab.submission import Submission
-from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import CALL_CPU_S, ChildProcess
 from snr_sim.grading.remote.sent_code import code_to_send
-from snr_sim.prelude.structs import ensure_type_info
-from snr_sim.prelude.values import encode_value, may_have_tags
+from snr_sim.prelude.values import encode_value
 
 if TYPE_CHECKING:
     from snr_sim.grading.lab.scenario_run import ScenarioRun
@@ -65,7 +62,7 @@ class Student(Submission):
             SubmissionError: the program raised, was too slow, or returned another type.
         """
         verb = protocol.Call(file, function, msgspec.Raw(encode_value(list(args))))
-        return _checked(f"{file}: {function}(...)", self.child(file).ask(verb, budget_s).result(), returns, finite)
+        return checked(f"{file}: {function}(...)", self.child(file).ask(verb, budget_s).result(), returns, finite)
 
     def create_object(self, file: str, kind: type[Any], *args: Any, budget_s: float = CALL_CPU_S) -> RemoteObject:
         """Create an object of snr_sim or the lab in the student's process, around the student's module.
@@ -100,14 +97,13 @@ class Student(Submission):
         controller: str,
         options: dict[str, str] | None = None,
         io: str = "sim",
-        engine: str | None = None,
         may_fail: bool = False,
         inputs: Sequence[Stimulus] = (),
     ) -> ScenarioRun:
         """Run a scenario with the components of a submitted file as its controller; see `scenario_run.run_scenario`."""
         from snr_sim.grading.lab.scenario_run import run_scenario
 
-        return run_scenario(self, scenario, seed, controller, options or {}, io, engine, may_fail, inputs)
+        return run_scenario(self, scenario, seed, controller, options or {}, io, may_fail, inputs)
 
     @property
     def printed(self) -> str:
@@ -155,67 +151,7 @@ class RemoteObject:
             returns, finite, budget_s: as for `Student.call`.
         """
         verb = protocol.AskObject(self._number, method, msgspec.Raw(protocol.encode(args)))
-        return _checked(f"{self._file}: {method}(...)", self._child.ask(verb, budget_s).result(), returns, finite)
+        return checked(f"{self._file}: {method}(...)", self._child.ask(verb, budget_s).result(), returns, finite)
 
 
 _decode_number = msgspec.json.Decoder(int)
-
-
-def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
-    """Return the value in an answer, of the form that was asked for."""
-    if returns is str:  # the most frequent type, and a text contains nothing that needs further checks
-        with suppress(msgspec.DecodeError, UnicodeDecodeError):
-            return _decode_text(raw)
-    value = protocol.plain_value(raw)
-    if may_have_tags(bytes(raw)):  # only then can there be more than plain JSON
-        _check_plain(what, value, finite)
-    if returns is Any:
-        return value
-    try:
-        return msgspec.convert(value, ensure_type_info(returns), strict=True)
-    except msgspec.ValidationError as error:
-        raise SubmissionError(
-            f"{what} returned {reprlib.repr(value)}.",
-            f"Return what the lab asks for: {_type_name(returns)}.",
-            expected=_type_name(returns),
-            actual=str(error).replace("`$", "`"),
-        ) from None
-
-
-def _check_plain(what: str, value: Any, finite: bool) -> None:
-    kind = type(value)
-    if kind is float and finite and not -float("inf") < value < float("inf"):
-        raise SubmissionError(
-            f"{what} returned {value!r} among its numbers.",
-            "Return finite numbers: what is divided by zero, or never set?",
-            expected="finite numbers",
-            actual=repr(value),
-        )
-    if kind is list:
-        for item in value:
-            _check_plain(what, item, finite)
-    elif kind is dict and all(type(key) is str for key in value):
-        for item in value.values():
-            _check_plain(what, item, finite)
-    elif value is not None and kind not in (bool, int, float, str):
-        raise protocol.ProtocolError(f"{protocol.BROKEN}: its answer is not a plain value.")
-
-
-_TYPE_NAMES = {
-    float: "a number",
-    int: "a whole number",
-    str: "a text",
-    bool: "True or False",
-    list[float]: "a list of numbers",
-    list[int]: "a list of whole numbers",
-    list[str]: "a list of texts",
-}
-
-
-def _type_name(returns: Any) -> str:
-    if returns in _TYPE_NAMES:
-        return _TYPE_NAMES[returns]
-    return returns.__name__ if isinstance(returns, type) and not hasattr(returns, "__args__") else str(returns)
-
-
-_decode_text = msgspec.json.Decoder(str).decode

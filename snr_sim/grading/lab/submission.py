@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+import select
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.fork_server import ForkServer
-from snr_sim.grading.remote.imports import check_imports
-from snr_sim.grading.remote.piped_process import begin_process
+from snr_sim.grading.remote.parsers import MAX_PARSED_BYTES, check_imports
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
 
@@ -125,7 +124,12 @@ class Submission:
                 self._printed.append(child.printed)
 
     def _begin(self, readable: Sequence[Path] = ()) -> ChildProcess:
-        return begin_process(self.folder, self.isolation, self._limits, readable, self._fork_server)
+        if not hasattr(select, "poll"):
+            from snr_sim.grading.remote.piped_process import PipedProcess  # on Windows
+
+            assert self.isolation == "none"
+            return PipedProcess(self.folder, self._limits)
+        return ChildProcess(self.folder, self.isolation, self._limits, readable, self._fork_server)
 
     def _path(self, file: str) -> Path:
         if Path(file).is_absolute() or ".." in Path(file).parts:

@@ -20,8 +20,16 @@ import msgspec
 from snr_sim.core.source_location import describe_error, location_of, prepend_location
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import UnsendableValueError, encode_plain, short
-from snr_sim.grading.remote.cpu_time import CpuTimeExceeded, install_timer_handler, limit_cpu_time, start_timer
-from snr_sim.grading.sandbox.child_limits import drop_privileges, end_with_parent, forbid_threads, limit
+from snr_sim.grading.sandbox.child_limits import (
+    CpuTimeExceeded,
+    drop_privileges,
+    end_with_parent,
+    forbid_threads,
+    install_timer_handler,
+    limit,
+    limit_cpu_time,
+    start_timer,
+)
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
@@ -148,10 +156,7 @@ def main(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     child = Child()
     for asked in _lines(asks):
-        answer = _answer(child, asked)
-        if line == protocol.PIPES:
-            _mark_output()
-        _send(answers, answer)
+        _send(answers, _answer(child, asked))
     os._exit(0)
 
 
@@ -226,12 +231,6 @@ def _lines(fd: int) -> Any:
         if rest[-1] == _NEWLINE:  # the grader asks one thing at a time
             line, rest = rest, b""
             yield line
-
-
-def _mark_output() -> None:
-    with suppress(OSError, ValueError):  # it is the student's to close
-        _printed.flush()
-        os.write(2, protocol.END_OF_OUTPUT)
 
 
 def _send(fd: int, line: bytes) -> None:

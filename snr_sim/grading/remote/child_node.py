@@ -20,6 +20,7 @@ import msgspec
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.executors import ClockExecutor
 from snr_sim.core.handlers import as_tasks, handler_name, schedule_returned
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.machine import EventMachine
@@ -28,7 +29,7 @@ from snr_sim.core.output_recording import RecordedOutput
 from snr_sim.core.source_location import describe_error, location_of
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import plain
-from snr_sim.grading.remote.cpu_time import CpuTimeExceeded
+from snr_sim.grading.sandbox.child_limits import CpuTimeExceeded
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
@@ -62,32 +63,14 @@ class CollectingMachine(EventMachine):
         self.scheduled.extend(tasks)
 
 
-class ExternalExecutor:
+class ExternalExecutor(ClockExecutor):
     """Executor of a loop whose ticks the grader's clock requests."""
-
-    setup_timeout_s: float = 0.0
-    late_s: float = 0.0
-
-    def __init__(self) -> None:
-        self.ticks: int = 0
-        self.is_stopped: bool = False
 
     def start(self) -> None:
         """Do nothing: the grader calls."""
 
-    def wake(self) -> None:
-        """Do nothing, as in lock step."""
-
     def tick_now(self) -> None:
         """Do nothing: the grader's own loop listens to the pages in `wakes_on`."""
-
-    def stop(self) -> None:
-        """Keep that there are to be no more ticks."""
-        self.is_stopped = True
-
-    def join(self) -> None:
-        """Keep the same; the grader calls `halt`."""
-        self.is_stopped = True
 
 
 class TypedPages:
@@ -162,7 +145,7 @@ class ChildNode(Node):
         if isinstance(component, Endpoint):
             made = msgspec.structs.replace(made, optional_events=[str(name) for name in component.optional_events])
         if isinstance(component, Loop):
-            component.begin_with(ExternalExecutor())
+            component.begin_with(ExternalExecutor(component, self.life))
             made = msgspec.structs.replace(
                 made,
                 rate_hz=float(component.max_tick_rate_hz),

@@ -23,6 +23,7 @@ from snr_sim.grading.remote.fork_server import ForkedChild, ForkServer
 from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.remote.sent_code import code_to_send
 from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox.child_limits import TIME_UP_STATUS
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
 
@@ -42,7 +43,7 @@ class ChildProcess:
         isolation: "sandbox", "confined", or "none".
         limits: CPU time, memory and files that it may use.
         readable: further folders it may read: of robots.
-        fork_server: fork server that copies it, if it needs no more than the submission.
+        fork_server: fork server that copies it, if it can.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class ChildProcess:
         here.setblocking(False)
         with there:
             try:
-                forked = fork_server.fork(folder, there.fileno()) if fork_server is not None and not readable else None
+                forked = fork_server and fork_server.fork(folder, isolation, there.fileno(), readable)
                 self._process = forked or start_process(
                     folder, isolation, there.fileno(), limits, readable, self._confiner
                 )
@@ -69,6 +70,8 @@ class ChildProcess:
                 if self._confiner is not None:
                     self._confiner.close()
                 raise
+        # A copy in a sandbox is the first process of a namespace, which ends with it.
+        self._has_group = isolation != "sandbox" or forked is None
         assert self._process.stdout is not None
         self._output = self._process.stdout.fileno()
         os.set_blocking(self._output, False)
@@ -280,7 +283,7 @@ class ChildProcess:
         self.kill()
         number = -status if status is not None and status < 0 else (status or 0) - 128
         name = signal.Signals(number).name if number in set(signal.Signals) else ""
-        if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == protocol.TIME_UP_STATUS:
+        if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == TIME_UP_STATUS:
             return _cpu_limit_error()
         if name in ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE"):
             return SubmissionError(f"It crashed with {name}.", "Did it run out of memory?")
@@ -290,8 +293,8 @@ class ChildProcess:
         )
 
     def kill(self) -> None:
-        """End it, with all that it started: a copy is the first process of a namespace, which ends with it."""
-        if not isinstance(self._process, ForkedChild):
+        """End it, with all that it started."""
+        if self._has_group:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self._process.pid, signal.SIGKILL)
         with suppress(ProcessLookupError):

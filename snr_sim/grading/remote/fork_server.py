@@ -1,13 +1,14 @@
-"""Fork server in a sandbox kept for many cases: each case gets a copy of its process, and none can reach another.
+"""Fork server kept for many cases: each case gets a copy of its process, which has imported what all of them need.
 
     grader -- "fork", line, output --> fork_server_process.py (nothing of the student's) -- fork --> child.py, per case
            <-- a handle of the copy --
 
-The sandbox shows a folder of the grader's as the submission: it holds one submission at a time, and is emptied before
-the next is copied in. So even a new submission needs no start of Python.
+In a sandbox no copy can reach another. It shows a folder of the grader's as the submission: it holds one submission at
+a time, and is emptied before the next is copied in. So even a new submission needs no start of Python. Only for root: a
+copy that belonged to the same user as its original could end or change that. For other users each case gets a fresh
+sandbox.
 
-Only for root: a copy that belonged to the same user as its original could end or change that. For other users
-each case gets a fresh sandbox.
+Without isolation (practice, on Linux) copies differ from fresh processes in nothing but the time that they take.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ import signal
 import socket
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote.cpu_timeout import wait_for_hangup
 from snr_sim.grading.remote.launch import copy_world_readable, start_process
-from snr_sim.grading.remote.protocol import EXIT_STATUS, FORK, FORKED, MAX_WORD_BYTES, STATUS, USED_UP
+from snr_sim.grading.remote.protocol import FORK, MAX_WORD_BYTES, NUMBER, USED_UP, WAIT
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.sandbox import Limits, is_root
+from snr_sim.grading.sandbox.sandbox import SUBMISSION_FOLDER, Limits, is_root
 
 _RESPONSE_TIMEOUT_S = 130.0  # wall time; a copy takes a millisecond, and a start of Python 0.2 s
 
@@ -37,10 +38,10 @@ _RESPONSE_TIMEOUT_S = 130.0  # wall time; a copy takes a millisecond, and a star
 class ForkedChild:
     """A student's process that is a copy; with the part of `subprocess.Popen` that `ChildProcess` uses."""
 
-    def __init__(self, fork_server: ForkServer, death: int, output: int) -> None:
+    def __init__(self, fork_server: ForkServer, number: int, death: int, output: int) -> None:
         self._fork_server = fork_server
+        self._number = number  # for its fork server
         self._death = death  # readable once it is dead
-        self._status: int | None = None
         self.stdout: io.FileIO = io.FileIO(output)
         fdinfo = Path(f"/proc/self/fdinfo/{death}").read_text()
         self.pid: int = int(fdinfo.partition("Pid:")[2].split()[0])  # for /proc only; the handle gets signals
@@ -52,9 +53,9 @@ class ForkedChild:
                 signal.pidfd_send_signal(self._death, signal.SIGKILL)
 
     def poll(self) -> int | None:
-        """Return its exit status, in the form of `subprocess`; None if it still runs."""
+        """Return its exit status, in the form of `subprocess`; None if it still runs. Ask once."""
         self.wait(0.0)
-        return self._status
+        return None if self._death >= 0 else self._fork_server.exit_status(self._number)
 
     def wait(self, timeout: float | None = None) -> None:
         """Wait until it has ended [s]."""
@@ -66,20 +67,20 @@ class ForkedChild:
             os.close(self._death)
             self._death = -1
             self._fork_server.is_busy = False
-            self._status = self._fork_server.exit_status()
 
 
 class ForkServer:
-    """Copies for the cases of one submission after the other, one at a time. Close it in the end, or use `with`.
+    """Copies for the cases of one submission after the other. Close it in the end, or use `with`.
 
     Args:
-        isolation: without a sandbox there are no copies.
+        isolation: of each copy; a sandbox has one at a time.
         limits: of each copy.
     """
 
     def __init__(self, isolation: Isolation, limits: Limits) -> None:
         self._limits = limits
-        self._is_enabled = isolation == "sandbox" and is_root()
+        self._isolation: Isolation = isolation
+        self._is_enabled = is_root() if isolation == "sandbox" else isolation == "none" and _has_handles()
         self._shown: Path | None = None  # the folder that the sandbox shows as the submission
         self._submission: Path | None = None
         self._is_loaded = False
@@ -110,28 +111,35 @@ class ForkServer:
             if self._shown is not None:
                 _empty(self._shown)
 
-    def fork(self, folder: Path, line: int) -> ForkedChild | None:
+    def fork(self, folder: Path, isolation: Isolation, line: int, readable: Sequence[Path]) -> ForkedChild | None:
         """Return a new student's process that answers on a line; None if there is none to be had.
 
         Args:
-            folder: of its submission, which must be the one that is held.
+            folder: of its submission; a sandbox has the one that is held.
+            isolation: of the process, which a copy has only if its original has it.
             line: the file descriptor on which it answers.
+            readable: further folders that it needs; a sandbox has none.
 
         Raises:
-            GraderError: the sandbox cannot be started, or does not answer.
+            GraderError: the fork server cannot be started, or does not answer.
         """
-        if not self._is_enabled or self.is_busy or folder != self._submission:
+        if not self._is_enabled or isolation != self._isolation:
             return None
-        if not self._is_loaded:
-            copy_world_readable(folder, self._shown_folder())
-            self._is_loaded = True
+        if self._isolation == "sandbox":
+            if self.is_busy or readable or folder != self._submission:
+                return None
+            if not self._is_loaded:
+                copy_world_readable(folder, self._shown_folder())
+                self._is_loaded = True
+            folder = SUBMISSION_FOLDER
         reader, output = os.pipe()
         try:
-            word, fds = self.request(FORK, (line, output))
+            request = FORK + os.fsencode(folder)
+            word, fds = self.request(request, (line, output))
             if word == USED_UP:
                 self._end()
-                word, fds = self.request(FORK, (line, output))
-            if word != FORKED or len(fds) != 1:
+                word, fds = self.request(request, (line, output))
+            if len(word) != NUMBER.size or len(fds) != 1:
                 raise self._fault()
         except BaseException:
             os.close(reader)
@@ -139,26 +147,27 @@ class ForkServer:
         finally:
             os.close(output)
         self.is_busy = True
-        return ForkedChild(self, fds[0], reader)
+        (number,) = NUMBER.unpack(word)
+        return ForkedChild(self, number, fds[0], reader)
 
     def _shown_folder(self) -> Path:
         if self._shown is None:
             self._shown = Path(tempfile.mkdtemp(prefix="snr_held_"))
         return self._shown
 
-    def exit_status(self) -> int:
-        """Return the exit status of the last copy, in the form of `subprocess`.
+    def exit_status(self, number: int) -> int:
+        """Return the exit status of a copy that has ended, in the form of `subprocess`.
 
         Raises:
-            GraderError: the sandbox has ended, too.
+            GraderError: the fork server has ended, too.
         """
         if self._socket is None:
             raise self._fault()
-        status: int = STATUS.unpack(self.request(EXIT_STATUS)[0])[0]
+        status: int = NUMBER.unpack(self.request(WAIT + NUMBER.pack(number))[0])[0]
         return status
 
     def request(self, word: bytes, fds: tuple[int, ...] = ()) -> tuple[bytes, list[int]]:
-        """Return the answer of the sandbox' own process to a command, and the file descriptors sent with it."""
+        """Return the answer of the fork server to a command, and the file descriptors sent with it."""
         if self._socket is None:
             self._start()
         assert self._socket is not None
@@ -175,10 +184,9 @@ class ForkServer:
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         here.settimeout(_RESPONSE_TIMEOUT_S)
         self._socket = here
+        folder = self._shown_folder() if self._isolation == "sandbox" else Path("/")
         with there:
-            self._process = start_process(
-                self._shown_folder(), "sandbox", there.fileno(), self._limits, is_fork_server=True
-            )
+            self._process = start_process(folder, self._isolation, there.fileno(), self._limits, is_fork_server=True)
 
     def _fault(self) -> GraderError:
         """Return the error for a failed copy; end the sandbox."""
@@ -207,6 +215,15 @@ class ForkServer:
         self._process = self._socket = None
         self.is_busy = False
         return output.decode(errors="replace")
+
+
+def _has_handles() -> bool:
+    """Return whether a process can be waited for that is not a child: on Linux, but not in each of its imitations."""
+    try:
+        os.close(os.pidfd_open(os.getpid()))
+    except (AttributeError, OSError):
+        return False
+    return True
 
 
 def _empty(folder: Path) -> None:

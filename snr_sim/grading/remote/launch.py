@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote.protocol import PIPES
@@ -95,14 +95,19 @@ def start_process(
     readable: Sequence[Path] = (),
     confiner: Confiner | None = None,
     is_fork_server: bool = False,
+    prints_to: IO[bytes] | None = None,
 ) -> subprocess.Popen[bytes]:
-    """Start a student's process, whose stdout is a pipe; arguments as of `start_command`.
+    """Start a student's process, whose stdout is a pipe.
+
+    Args:
+        folder, isolation, line, limits, readable, confiner, is_fork_server: as of `start_command`.
+        prints_to: a file for what it prints, if it answers on its stdout.
 
     Raises:
         GraderError: it cannot be started.
     """
     command, cwd = start_command(folder, isolation, line, limits, readable, confiner, is_fork_server)
-    options: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
+    options: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": prints_to}
     if line != PIPES:
         options = {"stdin": subprocess.DEVNULL, "stderr": subprocess.STDOUT}
         options |= {"pass_fds": (line,), "start_new_session": True}

@@ -23,14 +23,11 @@ from snr_sim.prelude.values import JSON_ERRORS, decode_value
 
 MAX_RESPONSE_BYTES = 1 << 20
 MAX_DEPTH = 32
-# Written to the output before each answer, where output and answers come through two pipes.
-END_OF_OUTPUT = b"\0\1end of output\1\0"
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
-TIME_UP_STATUS = 152  # exit status of a process whose CPU time is used up, as a shell reports SIGXCPU
-# Between the grader and its fork server: words, and the exit status of a copy.
-FORK, EXIT_STATUS, USED_UP, FORKED = b"fork", b"exit status", b"used up", b"forked"
-MAX_WORD_BYTES = 64
-STATUS: struct.Struct = struct.Struct("i")
+# Between the grader and its fork server: "fork" and a folder, or "wait" and a copy's number; a number, or "used up".
+FORK, WAIT, USED_UP = b"fork", b"wait", b"used up"
+NUMBER: struct.Struct = struct.Struct("i")
+MAX_WORD_BYTES = 1 << 13  # longer than any path
 SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
 BROKEN = "The submission broke the grading protocol"
 SLOW_HINT = "That took too long: is there a loop without an end?"

@@ -24,7 +24,7 @@ Answers of a process are not trusted, in any isolation: `remote/` bounds them an
     disk                         16 MB in memory                      16 files of 1 MB, counted by the grader
     orphans                      end with the namespace and grader    there are none; ends with the grader
 
-"Filter" is seccomp's (`seccomp.py`, `system_calls.py`): a list of system calls that are allowed. Each wall is the
+"Filter" is seccomp's (`seccomp.py`): a list of system calls that are allowed. Each wall is the
 kernel's own. If one cannot be set up, the process ends before it reads the submission, and grading refuses. Where two
 walls cover the same attack, tests remove the filter and try the other alone.
 

@@ -26,7 +26,7 @@ KIT: Path = Path(snr_sim.__file__).resolve().parent
 NOBODY = 65534
 LABS: Path = KIT / "shipped" / "assignments"  # where an installed kit has them
 SYSTEM: tuple[str, ...] = ("/lib", "/lib32", "/lib64", "/libx32")
-_SUBMISSION = "/submission"
+SUBMISSION_FOLDER: Path = Path("/submission")
 _SCRATCH_BYTES = 16 << 20
 
 
@@ -102,7 +102,8 @@ def bubblewrap_command(folder: Path, readable: Sequence[Path], is_fork_server: b
         yield from ("--ro-bind", str(path), str(path))
     if LABS.is_dir():
         yield from ("--tmpfs", str(LABS))
-    yield from ("--ro-bind", str(folder), _SUBMISSION, "--chdir", _SUBMISSION, "--remount-ro", "/", "--")
+    shown = str(SUBMISSION_FOLDER)
+    yield from ("--ro-bind", str(folder), shown, "--chdir", shown, "--remount-ro", "/", "--")
 
 
 def find_private_folder() -> Path | None:

@@ -14,12 +14,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.grading.reports.class_table import Summary, write_cases, write_class, write_leaderboard
-from snr_sim.grading.reports.distribution import draw_distribution
-from snr_sim.grading.reports.plain import cell, fenced, markdown
+from snr_sim.grading.reports.class_reports import (
+    Summary,
+    cell,
+    draw_distribution,
+    write_cases,
+    write_class,
+    write_leaderboard,
+)
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
-from snr_sim.grading.reports.services import check50, gradescope_results, junit
-from snr_sim.grading.reports.student_page import student_page
+from snr_sim.grading.reports.student_reports import check50, fenced, gradescope_results, junit, markdown, student_page
 from snr_sim.prelude.text import plain
 
 FOR_STUDENTS: dict[str, Callable[[Graded], str]] = {

@@ -1,7 +1,9 @@
-"""Results as other services read them: Gradescope, those that show JUnit's XML, and those that show check50's JSON.
+"""Reports on a submission: a page for the student, and files for Gradescope, for JUnit's and for check50's readers.
 
 In Gradescope's file there is one test per check, all visible, without details of hidden cases. No test's visibility is
 "hidden": Gradescope then hides the total, too. What must not be seen is not in the file.
+
+A student's program may print anything: what Markdown would interpret is escaped, after `prelude/text.py`.
 
 Source: "Autograder Specifications", gradescope-autograders.readthedocs.io.
 """
@@ -9,15 +11,94 @@ Source: "Autograder Specifications", gradescope-autograders.readthedocs.io.
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 from xml.etree import ElementTree
 
 from snr_sim.grading.reports import feedback
-from snr_sim.grading.reports.results import CheckResult, Graded
-from snr_sim.grading.reports.student_page import FAULT
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
 from snr_sim.prelude.text import one_line, plain
 
+FAULT = "The failure is recorded for your teacher. It costs you no points."
 _MAX_OUTPUT_CHARS = 20_000
+_MARKDOWN = re.compile(r"([\\`*_\[\]<>|#~&!@])")
+_SIGNS = {"passed": "yes", "partly": "in part", "failed": "no", "skipped": "not tried"}
+
+
+def reports_of(graded: Graded) -> dict[str, str]:
+    """Return the files of a student's folder."""
+    return {
+        "report.md": student_page(graded),
+        "results.json": gradescope_results(graded),
+        "junit.xml": junit(graded),
+        "check50.json": check50(graded),
+    }
+
+
+def student_page(graded: Graded) -> str:
+    """Return one page of Markdown: the points, the result of each check, and what to try."""
+    lines = [f"# {markdown(graded.title)}: {markdown(graded.submission)}", "", f"**{feedback.headline(graded)}**", ""]
+    if graded.status == "grader_error":
+        lines += [FAULT, ""]
+    elif graded.error:
+        lines += [fenced(graded.error), ""]
+    if graded.isolation == "none":
+        lines += ["Your program was not kept apart from the grader: this is practice, not an official mark.", ""]
+    if graded.notes:
+        lines += ["About your files:", "", fenced("\n".join(graded.notes)), ""]
+    if graded.checks:
+        lines += ["| check | points | passed |", "|---|---:|---|"]
+        lines += [
+            f"| {markdown(check.title)} | {feedback.number(check.points)} of {feedback.number(check.max_points)} "
+            f"| {_SIGNS[feedback.verdict(check)]} |"
+            for check in graded.checks
+        ]
+    for check in graded.checks:
+        lines += ["", *_section(check)]
+    return "\n".join([*lines, "", f"snr_sim {markdown(graded.version)}, lab {markdown(graded.lab)}.", ""])
+
+
+def _section(check: CheckResult) -> list[str]:
+    lines = [f"## {markdown(check.title)} {feedback.number(check.points)} of {feedback.number(check.max_points)}", ""]
+    if check.skipped_because:
+        return [*lines, f"Not tried: {markdown(check.skipped_because)}"]
+    for case in feedback.visible(check):
+        lines += _case(case)
+    return [*lines, *(f"- {markdown(line)}" for line in feedback.hidden_lines(check))]
+
+
+def _case(case: CaseResult) -> list[str]:
+    name = markdown(case.label) or "The case"
+    if case.is_passed:
+        lines = [f"- {name}: passed. {markdown(case.hint)}".rstrip()]
+    else:
+        percent = f"{100 * case.fraction:.0f} % right" if case.fraction > 0 else "not passed"
+        lines = [f"- **{name}: {percent}.** {markdown(case.hint)}".rstrip()]
+        for heading, text in feedback.parts(case):
+            lines += ["", f"  {heading}:", "", fenced(text, indent="  "), ""]
+    if case.run_folder:
+        run = case.run_folder
+        replay = f"`snr replay {run} --with FILE`, FILE being yours that flies"
+        lines += ["", f"  To see this run: `snr view {run}`; to run your code on it again: {replay}.", ""]
+    return lines
+
+
+def markdown(text: str) -> str:
+    """Return a line that Markdown shows unchanged: no links, no pictures, no HTML.
+
+    >>> print(markdown("![x](http://a) <b>|`"))
+    \\!\\[x\\](http:&#47;/a) \\<b\\>\\|\\`
+    """
+    # Some renderers make links of bare addresses.
+    return _MARKDOWN.sub(r"\\\1", one_line(text, 2000)).replace("://", ":&#47;/").replace("www.", "www&#46;")
+
+
+def fenced(text: str, indent: str = "") -> str:
+    """Return a block of Markdown that shows a text unchanged, whatever it contains."""
+    shown = plain(text)
+    longest = max((len(run) for run in re.findall("`+", shown)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return "\n".join(indent + line for line in [f"{fence}text", *shown.split("\n"), fence])
 
 
 def gradescope_results(graded: Graded) -> str:

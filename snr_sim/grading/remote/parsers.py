@@ -1,4 +1,8 @@
-"""Imports of a submission, found by parsing it before it runs, so that the report names the line and the reason."""
+"""Parsers of a student's texts, which run in the student's process, and the check of what a submission imports.
+
+A parser can take any time and memory: 80 kB of dotted keys occupy tomllib for half a minute, and 1 MB of braces in an
+f-string occupy Python's own parser for one. In a process with limits that fails the case, and no other submission.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import LAB_MODULE
+from snr_sim.prelude.errors import SnrError
 from snr_sim.scenario.library import LRP
 
 if TYPE_CHECKING:  # the student's process imports this module, too
     from snr_sim.grading.remote.child_process import ChildProcess
 
+MAX_PARSED_BYTES = 16 * 2**10  # some pages of text
 _NO_NETWORK = "there is no network in the grader"
 _ONE_PROCESS = "a submission has one process and one thread, which the grader starts"
 _PYTHON_ONLY = "a submission is plain Python"
@@ -85,14 +91,14 @@ def _parsed(path: Path, child: ChildProcess, parser: Callable[[bytes], list[Any]
 
 
 def files_in(source: bytes) -> list[str]:
-    """Return the files that a state machine in LRP takes programs and functions of; runs where `imports_in` does."""
+    """Return the files that a state machine in LRP takes programs and functions of."""
     from snr_sim.behaviors.imports import files_named
 
     return [name for names in files_named(source.decode(errors="replace")) for name in names]
 
 
 def imports_in(source: bytes) -> list[tuple[str, int]]:
-    """Return the imports of a program with their lines. Runs in the student's process: see `parsing.py`."""
+    """Return the imports of a program with their lines."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -103,4 +109,20 @@ def imports_in(source: bytes) -> list[tuple[str, int]]:
             found += ((alias.name, node.lineno) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             found += ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+    return found
+
+
+def toml_in(data: bytes) -> dict[str, Any]:
+    """Return the content of a text in TOML.
+
+    Raises:
+        SnrError: it is not valid TOML.
+    """
+    import json  # here, as every process of a student's imports this module
+    import tomllib
+
+    try:
+        found: dict[str, Any] = json.loads(json.dumps(tomllib.loads(data.decode()), default=str))  # dates as text
+    except (ValueError, RecursionError) as error:
+        raise SnrError(f"{error}.") from None
     return found

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from snr_sim.grading.lab.fields import require_field
+from snr_sim.grading.lab.answers import require_field
 from snr_sim.grading.lab.verdicts import SubmissionError
 
 
