@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from snr_sim.devices.loops import SensorLoopFactory
-from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, NEAREST_M, Image, Point, Rays, dot, intersect_scene
+from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, NEAREST_M, Image, Point, Rays, intersect_scene
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
@@ -164,13 +164,14 @@ class PixelRays(Rays):
 
     def along(self, vector: Point, block: tuple[slice, slice]) -> Any:
         """See `Rays.along`; a sum of three parts, as only one depends on the column, and one on the row."""
-        ahead, right, down = (dot(axis, vector) for axis in self._axes)
+        x, y, z = vector
+        ahead, right, down = [i * x + j * y + k * z for i, j, k in self._axes]
         rows, columns = block
         return (ahead + right * self._rights[columns]) + down * self._downs[rows]
 
     def block_of(self, corners: Sequence[Point], radius_m: float = 0.0) -> tuple[slice, slice] | None:
         """Return the rows and columns that can show what is between some corners; see `Rays.block_of`."""
-        aheads, rights, downs = ([x * i + y * j + z * k for x, y, z in corners] for i, j, k in self._axes)
+        aheads, rights, downs = [[x * i + y * j + z * k for x, y, z in corners] for i, j, k in self._axes]
         width, height = self._size_px
         if max(aheads) + radius_m <= NEAREST_M:
             return None

@@ -63,48 +63,48 @@ class Rays:
 
     def along(self, vector: Point, block: Any) -> Any:
         """Return the scalar products of a vector and the directions of a block."""
-        return dot(self.directions, vector)
+        return _dot(self.directions, vector)
 
     def intersect_triangle(self, a: Point, b: Point, c: Point, rgb: list[float]) -> None:
         """Hit a flat triangle from either side."""
         a, b, c = (_subtract(corner, self.origin_m) for corner in (a, b, c))
         normal = _cross(_subtract(b, a), _subtract(c, a))
-        square = dot(normal, normal)
+        square = _dot(normal, normal)
         block = self.block_of((a, b, c))
         if square == 0.0 or block is None:
             return
-        depths = dot(a, normal) / self.along(normal, block)
+        depths = _dot(a, normal) / self.along(normal, block)
         first = (depths > NEAREST_M) & (depths < self.depths[block])
+        if not first.any():
+            return
         for start, end in ((a, b), (b, c), (c, a)):
-            if not first.any():
-                return
             inward = _cross(normal, _subtract(end, start))
             # The edge is widened a little, so that no ray passes between two neighbours.
-            first &= depths * self.along(inward, block) >= dot(start, inward) - 1e-9 * square
+            first &= depths * self.along(inward, block) >= _dot(start, inward) - 1e-9 * square
         level = abs(normal[2]) / square**0.5
         self._hit(block, first, depths, [value * (1.0 - STEEP_SHADE * (1.0 - level)) for value in rgb])
 
     def intersect_line(self, a: Point, b: Point, radius_m: float, rgb: list[float]) -> None:
         """Hit a round bar. One that is thinner than a pixel is drawn one pixel wide, or it would flicker."""
         along, to_origin = _subtract(b, a), _subtract(self.origin_m, a)
-        length2 = dot(along, along)
+        length2 = _dot(along, along)
         ends = _subtract(a, self.origin_m), _subtract(b, self.origin_m)
         # Half a pixel, and a little more: a bar just between two rows must show in at least one.
         min_reach = 0.505 * self.pixel
-        block = self.block_of(ends, max(radius_m, *(min_reach * dot(end, end) ** 0.5 for end in ends)))
+        block = self.block_of(ends, max(radius_m, *(min_reach * _dot(end, end) ** 0.5 for end in ends)))
         if length2 == 0.0 or block is None:
             return
         directions, lengths = [one[block] for one in self.directions], self.lengths[block]
-        slant, back = dot(directions, along), dot(directions, to_origin)
+        slant, back = _dot(directions, along), _dot(directions, to_origin)
         spread = lengths * lengths * length2 - slant * slant
-        fractions = (lengths * lengths * dot(to_origin, along) - slant * back) / spread
+        fractions = (lengths * lengths * _dot(to_origin, along) - slant * back) / spread
         fractions = np.clip(np.where(spread > 0.0, fractions, 0.0), 0.0, 1.0)
         depths = (fractions * slant - back) / (lengths * lengths)
         gaps = [
             e + depths * direction - fractions * u for e, direction, u in zip(to_origin, directions, along, strict=True)
         ]
         reach = np.maximum(radius_m, min_reach * depths * lengths)
-        first = (depths > NEAREST_M) & (dot(gaps, gaps) <= reach * reach) & (depths - reach < self.depths[block])
+        first = (depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach) & (depths - reach < self.depths[block])
         self._hit(block, first, depths - reach, rgb)
 
     def intersect_ball(self, center_m: Point, radius_m: float, rgb: Sequence[float]) -> None:
@@ -115,7 +115,7 @@ class Rays:
             return
         lengths = self.lengths[block]
         slant = self.along(to_center, block) / lengths  # to the point of each ray that is next to the middle
-        half2 = slant * slant + (radius_m * radius_m - dot(to_center, to_center))  # of the chord, squared
+        half2 = slant * slant + (radius_m * radius_m - _dot(to_center, to_center))  # of the chord, squared
         depths = (slant - np.sqrt(half2)) / lengths  # NaN for rays that miss it
         first = (depths > NEAREST_M) & (depths < self.depths[block])
         if not first.any():
@@ -184,8 +184,7 @@ def attenuate(thickness: Floats) -> Floats:
     return transmission
 
 
-def dot(a: Any, b: Any) -> Any:
-    """Return the scalar product of two vectors; their parts may be arrays."""
+def _dot(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
