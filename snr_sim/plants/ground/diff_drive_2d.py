@@ -138,6 +138,8 @@ class DiffDrive2D(GroundVehicle[DriveState]):
                 return EchoReading(self.explorer.echo_range_m, 0.0, self.time_s)
             return EchoReading(distance, 1.0, self.time_s)
         if name == "touch":
+            if self._contacts.is_clear:
+                return TouchReading(False, False, self.time_s)
             self._place()
             left, right = self._space.pressed_bars()
             return TouchReading(left, right, self.time_s)

@@ -69,8 +69,8 @@ class GroundVehicle(Generic[StateT]):
         """Return what `start_of` returns for a seed, of these types."""
         given = self.start_of(seed)
         is_start = isinstance(given, tuple) and tuple(map(type, given)) == types
-        *most, last = (f"a {one.__name__}" for one in types)
-        check_valid(is_start, f"The start of seed {seed}", given, f"return {', '.join(most)} and {last}.")
+        *others, last = (f"a {one.__name__}" for one in types)
+        check_valid(is_start, f"The start of seed {seed}", given, f"return {', '.join(others)} and {last}.")
         return given
 
     def _begin(self, seed: int, room: Room, state: StateT, bar_m: float = 0.0) -> None:
