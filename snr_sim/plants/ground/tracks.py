@@ -22,7 +22,7 @@ from snr_sim.plants.ground.traction import GRAVITY_MPS2
 from snr_sim.plants.ground.wall_contacts import Speeds
 
 SAME_RADPS = 1e-12  # rates of turning that are the same
-MAX_TRIALS = 100  # of rates; steps of housecat_clear need 2, those of the hardest random vehicle 20
+MAX_TRIALS = 100  # of rates; no step of 1500 random vehicles needed more than 13
 
 
 class Grip(NamedTuple):
