@@ -7,7 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.sensors.camera import Camera, CameraReading
+from snr_sim.devices.sensors.camera import DIRECTIONS, Camera, CameraReading, PixelRays, rotate_vector
+from snr_sim.devices.sensors.ray_casting import Rays, intersect_scene
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.instruments import PoseOutput
 from snr_sim.plants.urov.pool import Gate, Pool
@@ -182,3 +183,31 @@ def test_camera_negative_backscatter_raises_error() -> None:
     for camera in ({"backscatter_per_m": -1.0}, {"clouds": ((0.0, 1.0, math.nan),)}):
         with pytest.raises(ParameterError, match="backscatter_per_m"):
             Camera(**camera)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pixels_that_a_shape_is_computed_for_are_all_that_show_it(seed: int) -> None:
+    """`Rays` without an order computes each shape for all rays; attitudes and positions are random."""
+    rng = np.random.default_rng(seed)
+    bar = {
+        "kind": "polyline",
+        "points_m": rng.uniform(-2.0, 2.0, (5, 3)).tolist(),
+        "radius_m": 0.03,
+        "rgb": [0, 255, 0],
+    }
+    scene = {"floor": floor(-1.5), "box": box([1.0, 0.5, -1.0], [0.3, 0.4, 0.5]), "bar": bar}
+    attitude = rng.normal(size=4)
+    unit = (attitude / math.sqrt(float((attitude * attitude).sum()))).tolist()
+    axes = [rotate_vector(unit, vector) for vector in DIRECTIONS["ahead"]]
+    x, y, z = rng.uniform(-1.0, 1.0, 3).tolist()
+    balls = rng.uniform(-2.0, 2.0, (20, 3)).tolist()
+    pixels = PixelRays((x, y, z), axes, (50, 30), 0.04)
+    plain = Rays((x, y, z), pixels.directions, pixels.pixel)
+    for rays in (pixels, plain):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            intersect_scene(rays, scene)
+            for center in balls:
+                rays.intersect_ball(tuple(center), 0.2, (0, 0, 255))
+    assert np.isfinite(plain.depths).any()
+    np.testing.assert_allclose(pixels.depths, plain.depths, rtol=1e-9)
+    np.testing.assert_allclose(pixels.colors, plain.colors, rtol=1e-9)

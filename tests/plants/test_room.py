@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.plants.ground.room import CELL_M, Room, Walker, cell_at, is_inside
+from snr_sim.plants.ground.room import CELL_M, Room, Walker, cells_along, is_inside
 from snr_sim.prelude.errors import ParameterError
 
 SQUARE = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
@@ -44,7 +44,7 @@ def test_inside_of_a_circle_is_inside_of_its_polygon(x: float, y: float) -> None
 
 
 def test_every_point_of_floor_is_in_its_square() -> None:
-    assert cell_at(0.05, -0.05) == (0, -1)
+    assert cells_along((0.05, -0.05), (1.0, 0.0), 0.0) == {(0, -1)}
     room = Room(SQUARE)
     assert all(room.is_floor((i + 0.5) * CELL_M, (j + 0.5) * CELL_M) for i, j in room.floor_cells)
 

@@ -47,8 +47,8 @@ def part(name: str) -> ModuleType:
     [
         ("lidar", range(1), 1),
         pytest.param("stereo", range(1), 1, marks=pytest.mark.slow),
-        pytest.param("stereo", range(100), 90, marks=[pytest.mark.slow, pytest.mark.nightly(minutes=5)]),
-        pytest.param("lidar", range(100), 90, marks=[pytest.mark.slow, pytest.mark.nightly(minutes=4)]),
+        pytest.param("stereo", range(100), 90, marks=[pytest.mark.slow, pytest.mark.nightly(minutes=3)]),
+        pytest.param("lidar", range(100), 90, marks=[pytest.mark.slow, pytest.mark.nightly(minutes=2)]),
     ],
 )
 def test_yards_are_cleared(ranging: str, seeds: range, at_least: int) -> None:

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from snr_sim.devices.loops import SensorLoopFactory
-from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, Image, Rays, intersect_scene
+from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, NEAREST_M, Image, Point, Rays, intersect_scene
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
@@ -119,21 +119,16 @@ class Camera:
             balls: that move in the scene.
         """
         clouds = [veil for start_s, end_s, veil in self.clouds if start_s <= time_s < end_s]
-        rights = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) * self.pixel
-        downs = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) * self.pixel
-        along, down = np.tile(rights, self.height_px), np.repeat(downs, self.width_px)
-        axis, right, below = (rotate_vector(attitude, vector) for vector in DIRECTIONS[self.direction])
-        x, y, z = (axis[i] + along * right[i] + down * below[i] for i in range(3))
         offset = rotate_vector(attitude, self.mount_position_m)
         origin = position_m[0] + offset[0], position_m[1] + offset[1], position_m[2] + offset[2]
+        axes = [rotate_vector(attitude, vector) for vector in DIRECTIONS[self.direction]]
         with np.errstate(divide="ignore", invalid="ignore"):  # rays parallel to a face
-            rays = Rays(origin, (x, y, z), self.pixel)
+            rays = PixelRays(origin, axes, (self.width_px, self.height_px), self.pixel)
             intersect_scene(rays, statics)
             for ball in balls:
                 rays.intersect_ball(ball.center_m, ball.radius_m, ball.rgb)
             veil = clouds[0] if clouds else self.backscatter_per_m
             rgb = rays.through_air() if self.medium == "air" else rays.through_water(veil)
-        rgb = rgb.reshape(self.height_px, self.width_px, 3)
         rgb.flags.writeable = False
         return rgb
 
@@ -147,6 +142,55 @@ class Camera:
             return CameraReading(rgb, self.field_of_view_rad, pose.stamp_s)
 
         return SimSensor(plant, output, SensorErrors(period_s=self.period_s), rng, capture)
+
+
+class PixelRays(Rays):
+    """One ray per pixel.
+
+    Args:
+        origin_m: of the camera.
+        axes: axis, right and down of the image, world frame.
+        size_px: width and height.
+        pixel: width of a pixel, 1 m away.
+    """
+
+    def __init__(self, origin_m: Point, axes: Sequence[Point], size_px: tuple[int, int], pixel: float) -> None:
+        self._axes, self._size_px, self.pixel = axes, size_px, pixel
+        rights, downs = ((np.arange(count) - 0.5 * (count - 1)) * pixel for count in size_px)
+        self._rights, self._downs = rights, downs[:, None]
+        whole = slice(None), slice(None)
+        x, y, z = (self.along(unit, whole) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+        super().__init__(origin_m, (x, y, z), pixel)
+
+    def along(self, vector: Point, block: tuple[slice, slice]) -> Any:
+        """See `Rays.along`; a sum of three parts, as only one depends on the column, and one on the row."""
+        x, y, z = vector
+        ahead, right, down = [i * x + j * y + k * z for i, j, k in self._axes]
+        rows, columns = block
+        return (ahead + right * self._rights[columns]) + down * self._downs[rows]
+
+    def block_of(self, corners: Sequence[Point], radius_m: float = 0.0) -> tuple[slice, slice] | None:
+        """Return the rows and columns that can show what is between some corners; see `Rays.block_of`."""
+        aheads, rights, downs = [[x * i + y * j + z * k for x, y, z in corners] for i, j, k in self._axes]
+        width, height = self._size_px
+        if max(aheads) + radius_m <= NEAREST_M:
+            return None
+        if min(aheads) - radius_m <= NEAREST_M:  # a part that is not in front is nowhere in the image
+            return slice(height), slice(width)
+        rows, columns = self._span(downs, aheads, radius_m, height), self._span(rights, aheads, radius_m, width)
+        return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
+
+    def _span(self, offsets: list[float], aheads: list[float], radius_m: float, count: int) -> slice:
+        """Return the rows or columns that show balls at offsets from the axis, and what is between."""
+        lows, highs = [], []
+        for offset, ahead in zip(offsets, aheads, strict=True):
+            near, far = ahead - radius_m, ahead + radius_m
+            low, high = offset - radius_m, offset + radius_m
+            lows.append(low / (far if low > 0.0 else near))
+            highs.append(high / (near if high > 0.0 else far))
+        middle = 0.5 * (count - 1)
+        start, stop = min(lows) / self.pixel + middle, max(highs) / self.pixel + middle
+        return slice(max(0, math.floor(start)), min(count, math.ceil(stop) + 1))
 
 
 class CameraLoopFactory(SensorLoopFactory):

@@ -1,9 +1,7 @@
 """A tracked vehicle with a blade, seen from above, in a yard with a heap of stones and a pit.
 
-    command --> write --> tracks (drive_lag.py) --> tracks.py --> speeds --> pose
-                `-----> blade ---------------------> soil.py -----^ force     wall_contacts.py
-
-A step is a kick, then a drift: tracks, soil and walls change the speeds, then the body moves with them.
+command --> write --> tracks (lag) --> tracks.py --> speeds --> ground_vehicle.py: contacts, pose
+            `-----> blade ------------> soil.py -----^ force
 """
 
 from __future__ import annotations
@@ -13,20 +11,15 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from snr_sim.plants.ground.dozer import Dozer, Heap
-from snr_sim.plants.ground.drive_lag import DriveLag
 from snr_sim.plants.ground.explorer import DriveStart
 from snr_sim.plants.ground.ground_shapes import dozer_shapes, pit_shapes, room_shapes, stone_shapes
+from snr_sim.plants.ground.ground_vehicle import STEP_S, GroundVehicle
 from snr_sim.plants.ground.room import Point, Room
-from snr_sim.plants.ground.room_space import RoomSpace
 from snr_sim.plants.ground.soil import Push, Soil
 from snr_sim.plants.ground.tracks import Tracks
-from snr_sim.plants.ground.wall_contacts import WallContacts
-from snr_sim.plants.parameter_limits import LIMITS, check_number, check_valid
-from snr_sim.plants.pymunk_engine import pymunk_module
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.signals import Ball, DozerCommand, PoseReading, ViewReading
 
-STEP_S = 0.005
 SOIL_STEPS = 4  # stones are moved in every fourth step: by 6 mm at full speed, a fifth of a stone's radius
 PIT_M = 0.2  # depth of the pit, in pictures
 BLADE_DOWN = 0.9  # of the way down: from here on it moves stones
@@ -49,22 +42,8 @@ class DozerState(NamedTuple):
     steps: int = 0
 
 
-class Dozer2D:
-    """The vehicle and the soil. Implements `Plant`.
-
-    Args:
-        dozer: its numbers.
-        start_of: returns the start, the yard and the heap of a seed.
-        seed: of the first run.
-        step_s: of integration.
-
-    Raises:
-        ParameterError: a number is out of range, or a start is not on the floor or touches something.
-
-    Attributes:
-        hit_mps: the largest speed at which it met a wall or furniture: of the parts that met, not of the centre.
-        way_m: how far its centre has moved.
-    """
+class Dozer2D(GroundVehicle[DozerState]):
+    """The vehicle and the soil. Implements `Plant`; see `GroundVehicle`. `seed` is that of the first run."""
 
     inputs: tuple[str, ...] = ("dozer",)
     outputs: tuple[str, ...] = ("pose", "view")
@@ -76,68 +55,27 @@ class Dozer2D:
         seed: int = 0,
         step_s: float = STEP_S,
     ) -> None:
-        check_number("The dozer's step_s", step_s, LIMITS["flight_step_s"])
         self.dozer: Dozer = dozer
-        self.start_of: Callable[[int], tuple[DriveStart, Room, Heap]] = start_of
-        self.step_s: float = step_s
-        self.engine: str = f"pymunk {pymunk_module().version}"
-        self._lag = DriveLag(dozer.lag_s, step_s)
         self._tracks = Tracks(dozer, step_s)
-        fastest_mps = 2.0 * dozer.full_speed_mps
-        self._contacts = WallContacts(dozer.mass_kg, dozer.inertia_kgm2, dozer.wall_friction, fastest_mps, step_s)
         self._blade_step = step_s / dozer.blade_s if dozer.blade_s > 0.0 else 1.0
-        self.room: Room
-        self.heap: Heap
+        super().__init__(dozer, start_of, step_s)
         self.reset(seed)
-
-    # -- start, and being put back ------------------------------------------------------------------------------------
 
     def reset(self, seed: int) -> None:
         """Put the vehicle and the stones where this seed has them, at rest."""
-        given = self.start_of(seed)
-        is_start = isinstance(given, tuple) and tuple(map(type, given)) == (DriveStart, Room, Heap)
-        check_valid(is_start, f"The start of seed {seed}", given, "return a DriveStart, a Room and a Heap.")
-        start, self.room, self.heap = given
-        if self.room.walkers:
+        start, room, self.heap = self._start(seed, DriveStart, Room, Heap)
+        if room.walkers:
             raise ParameterError(f"The yard of seed {seed} has people in it.", fix="leave out its walkers.")
-        self._space = RoomSpace(self.room, self.dozer.size_m)
         self._soil = Soil(self.heap, self.dozer.size_m[1])
-        x, y = start.position_m
-        self.restore(DozerState((x, y), start.heading_rad, tuple((float(a), float(b)) for a, b in self.heap.places_m)))
-        self._space.put_body(x, y, self.heading_rad)
-        if not self.room.is_floor(x, y) or self._space.contacts():
-            raise ParameterError(
-                f"The start of seed {seed} is at ({x:g}, {y:g}) m, where the dozer has no room.",
-                fix="start it farther from walls and furniture.",
-            )
+        stones = tuple((float(x), float(y)) for x, y in self.heap.places_m)
+        self._begin(seed, room, DozerState(tuple(start.position_m), start.heading_rad, stones))
 
-    def snapshot(self) -> DozerState:
-        """Return the full state; the returned object is immutable."""
-        return DozerState(**{name: getattr(self, name) for name in DozerState._fields})
-
-    def restore(self, snapshot: DozerState) -> None:
-        """Put back what `snapshot` returned, in the yard of the last reset."""
-        for name, value in zip(DozerState._fields, snapshot, strict=True):
-            setattr(self, name, value)
-        self._contacts.restart()
-
-    position_m: Point
-    heading_rad: float
+    heap: Heap
     stones_m: tuple[Point, ...]
-    speeds: tuple[float, float, float]
     tracks_mps: tuple[float, float]
-    goals_mps: tuple[float, float]
     blade: float
     blade_goal: float
     push: Push
-    hit_mps: float
-    way_m: float
-    steps: int
-
-    @property
-    def time_s(self) -> float:
-        """Simulated time since the last reset: a count, so that nothing adds up."""
-        return self.steps * self.step_s
 
     @property
     def cleared_share(self) -> float:
@@ -148,45 +86,21 @@ class Dozer2D:
 
     def write(self, name: str, command: DozerCommand) -> None:
         """Set the speeds of both tracks, clamped to full speed, and the goal of the blade."""
-        if name != "dozer":
-            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
-        if not math.isfinite(command.left_mps + command.right_mps + command.blade):
-            raise PlantError(
-                f"At {self.time_s:g} s the command of the dozer is not finite: {command}.", fix="send finite numbers."
-            )
-        full = self.dozer.full_speed_mps
-        left, right = (min(full, max(-full, one)) for one in (command.left_mps, command.right_mps))
-        self.goals_mps = left, right
+        self._check_command(name, command, command.left_mps, command.right_mps, command.blade)
+        self._set_goals(command.left_mps, command.right_mps)
         self.blade_goal = min(1.0, max(0.0, command.blade))
 
     def step(self, dt_s: float) -> None:
         """Advance by one step."""
-        step_s = self.step_s
-        if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
-            raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
-        self.steps += 1
+        self._count_step(dt_s)
         self.tracks_mps, (left, right) = self._lag.advance(self.tracks_mps, self.goals_mps)
         if self.blade != self.blade_goal:
             largest = self._blade_step
             self.blade += min(largest, max(-largest, self.blade_goal - self.blade))
-        x, y = self.position_m
-        heading = self.heading_rad
         if self.steps % SOIL_STEPS == 0:
             self.push = self._push()
-        middle = heading + 0.5 * step_s * self.speeds[2]
-        speeds = self._tracks.drive(middle, self.speeds, left, right, *self.push)
-        if self._contacts.is_due():
-            if not all(map(math.isfinite, (x, y, heading, *speeds))):
-                raise PlantError(
-                    f"At {self.time_s:g} s the state is no longer finite.", fix="look at the last commands."
-                )
-            self._space.put_body(x, y, heading)
-            speeds, hit_mps = self._contacts.resolve(self._space, speeds)
-            self.hit_mps = max(self.hit_mps, hit_mps)
-        vx, vy, turn = self.speeds = speeds
-        self.position_m = x + step_s * vx, y + step_s * vy
-        self.heading_rad = heading + step_s * turn
-        self.way_m += step_s * math.sqrt(vx * vx + vy * vy)
+        middle = self.heading_rad + 0.5 * self.step_s * self.speeds[2]
+        self._move(self._tracks.drive(middle, self.speeds, left, right, *self.push))
 
     def _push(self) -> Push:
         """Move the stones that are in the way of the lowered blade; return what it feels."""

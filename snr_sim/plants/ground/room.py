@@ -18,6 +18,7 @@ PLACE_M = Limit(-50.0, 50.0, "m", "rooms are smaller", MILLIMETRES)
 RADIUS_M = Limit(0.0, 2.0, "m", "people have about 0.2", MILLIMETRES, IS_ABOVE)
 WALK_MPS = Limit(0.0, 3.0, "m/s", "people walk at 1.4")
 CELL_M = 0.1  # size of the squares in which the floor is counted
+LINE_STEP_M = 0.5 * CELL_M
 MAX_CELLS = 40_000
 AXES = ("x", "y")
 
@@ -104,7 +105,7 @@ class Room:
 
     @cached_property
     def floor_cells(self) -> frozenset[tuple[int, int]]:
-        """Squares of `CELL_M` whose middle is floor, by `cell_at`."""
+        """Squares of `CELL_M` whose middle is floor, by `cells_along`."""
         columns, rows = (
             range(math.floor(min(values) / CELL_M), math.ceil(max(values) / CELL_M))
             for values in zip(*self.outline_m, strict=True)
@@ -113,9 +114,15 @@ class Room:
         return frozenset(middle)
 
 
-def cell_at(x_m: float, y_m: float) -> tuple[int, int]:
-    """Return the square of the floor at a point."""
-    return math.floor(x_m / CELL_M), math.floor(y_m / CELL_M)
+def cells_along(start_m: Point, direction: Point, length_m: float) -> set[tuple[int, int]]:
+    """Return the squares of the floor on a line, every `LINE_STEP_M`; `direction` is a unit vector.
+
+    >>> sorted(cells_along((0.05, 0.05), (-1.0, 0.0), 0.1))
+    [(-1, 0), (0, 0)]
+    """
+    (x, y), (dx, dy) = start_m, (LINE_STEP_M * part for part in direction)
+    count = int(length_m / LINE_STEP_M) + 1
+    return {(math.floor((x + i * dx) / CELL_M), math.floor((y + i * dy) / CELL_M)) for i in range(count)}
 
 
 def is_inside(outline: Outline, x_m: float, y_m: float) -> bool:

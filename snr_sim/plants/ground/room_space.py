@@ -35,7 +35,7 @@ class RoomSpace:
             if bar_m > 0.0
             for side in (half_width, -half_width)
         ]
-        self._reach_m = math.hypot(half_length, half_width)
+        self._reach_m = math.hypot(half_length + bar_m, half_width)
 
     def put_people(self, places_m: list[Point]) -> None:
         """Set the positions of all people."""
@@ -48,7 +48,7 @@ class RoomSpace:
         self._body.position, self._body.angle = (x_m, y_m), heading_rad
 
     def clearance_m(self) -> float:
-        """Return a distance over which the body can move, however it turns, without touching anything."""
+        """Return a distance over which body and bars can move, however they turn, without touching anything."""
         nearest = self._space.point_query_nearest(self._body.position, 100.0, self._filter)
         return 100.0 if nearest is None else float(nearest.distance - self._reach_m)
 

@@ -27,6 +27,11 @@ class WallContacts:
         """Forget how far the walls were."""
         self._free_steps = 0
 
+    @property
+    def is_clear(self) -> bool:
+        """Whether body and bars cannot touch anything where they are."""
+        return self._free_steps > 0
+
     def is_due(self) -> bool:
         """Count a step; return whether something may be touched in it."""
         self._free_steps -= 1
