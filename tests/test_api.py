@@ -140,7 +140,7 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.scenario.library",
     },
     "robots/urov/autopilot.py": {
-        "snr_sim.core.page_age.page_age_s",
+        "snr_sim.core.datastore.page_age_s",
         "snr_sim.plants.urov.t200.curve",
         "snr_sim.prelude.recorder.RECORDING_KEY",
     },

@@ -7,8 +7,8 @@ from typing import Any, get_args, get_origin
 
 import msgspec
 
+from snr_sim.core.datastore import page_age_s
 from snr_sim.core.loop import Loop
-from snr_sim.core.page_age import page_age_s
 from snr_sim.core.page_writers import find_writer, writers_of
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import CommandError, suggest

@@ -21,9 +21,9 @@ from typing import Any, TypeAlias
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentLog
+from snr_sim.core.datastore import LINK_PREFIX
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.page_age import LINK_PREFIX
 from snr_sim.core.page_writers import find_writer
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions

@@ -186,7 +186,7 @@ class ChildNode(Node):
         self.machine.now_s = do.now_s
         for raw in do.pages:
             self.datastore.put(self._typed.decode_page(bytes(raw)))
-        self._core.received_s.update(do.came_s)
+        self.datastore.received_s.update(do.came_s)
 
     def _with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
         """Return a task with the page that it carries in the grader's node, see `Handle`."""
@@ -195,7 +195,7 @@ class ChildNode(Node):
         if not processed:
             return Task(task.type, task.name, [self.datastore.pages[task.name]])
         page, *before = (self._typed.decode_page(bytes(raw)) for raw in processed)
-        self._core.await_processing(page, before[0] if before else None)
+        self._storage.await_processing(page, before[0] if before else None)
         return Task(task.type, task.name, [page])
 
     def handle(self, do: protocol.Handle) -> protocol.HandleResult:
