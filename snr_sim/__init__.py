@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     from snr_sim.core.config import Mode as Mode
     from snr_sim.core.endpoint import Endpoint as Endpoint
     from snr_sim.core.endpoint import EndpointFactory as EndpointFactory
-    from snr_sim.core.handles import handles as handles
     from snr_sim.core.loop import Loop as Loop
     from snr_sim.core.loop import LoopFactory as LoopFactory
     from snr_sim.core.loop import ThreadLoop as ThreadLoop
     from snr_sim.core.node import Node as Node
-    from snr_sim.core.page_types import page as page
     from snr_sim.core.profiler import Profiler as Profiler
     from snr_sim.core.reload.watch import WatchLoopFactory as WatchLoopFactory
     from snr_sim.core.runners import CliRunner as CliRunner
     from snr_sim.core.runners import SimRunner as SimRunner
     from snr_sim.core.runners import SynchronousRunner as SynchronousRunner
     from snr_sim.core.runners import TestRunner as TestRunner
+    from snr_sim.core.short_form import handles as handles
+    from snr_sim.core.short_form import page as page
     from snr_sim.links.faults import LinkFaults as LinkFaults
     from snr_sim.links.memory import MemoryLink as MemoryLink
     from snr_sim.links.pipes import PipeLoopFactory as PipeLoopFactory

@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.clocks import SimClock, WallClock
+from snr_sim.core.clocks import ClockExecutor, SimClock, WallClock
+from snr_sim.core.component import data_of_page
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, page_age_s
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.executors import ClockExecutor, ThreadExecutor
 from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
 from snr_sim.core.lockstep import run_node
@@ -26,10 +26,10 @@ from snr_sim.core.machine import EventMachine
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_report import NodeReport
-from snr_sim.core.page_data import data_of_page
 from snr_sim.core.profiler import Profiler
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.thesis_members import NodeMembers
+from snr_sim.core.thread_executor import ThreadExecutor
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError

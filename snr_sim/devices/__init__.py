@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.devices.commands import SimActuator as SimActuator
     from snr_sim.devices.device_strings import check_table as check_table
     from snr_sim.devices.device_strings import open_pwm as open_pwm
     from snr_sim.devices.device_strings import open_sensor as open_sensor
@@ -43,10 +44,9 @@ if TYPE_CHECKING:
     from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS as POSITION_FIX_ERRORS
     from snr_sim.devices.sensors.position_fix import PositionFix as PositionFix
     from snr_sim.devices.sensors.position_fix import position_fix_of as position_fix_of
-    from snr_sim.devices.sensors.sensor_errors import BiasDrift as BiasDrift
-    from snr_sim.devices.sensors.sensor_errors import SensorErrors as SensorErrors
     from snr_sim.devices.sensors.stereo import StereoCamera as StereoCamera
-    from snr_sim.devices.simulated import SimActuator as SimActuator
+    from snr_sim.devices.simulated import BiasDrift as BiasDrift
+    from snr_sim.devices.simulated import SensorErrors as SensorErrors
     from snr_sim.devices.simulated import SimSensor as SimSensor
     from snr_sim.prelude.device import Actuator as Actuator
     from snr_sim.prelude.device import Device as Device
