@@ -76,9 +76,9 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.replayer import ReplayerLoopFactory as ReplayerLoopFactory
     from snr_sim.std_mods.replayer import TextReplayer as TextReplayer
     from snr_sim.std_mods.replayer import TextReplayerFactory as TextReplayerFactory
-    from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory as StopwatchEndpointFactory
-    from snr_sim.std_mods.timeout import TimeoutLoopFactory as TimeoutLoopFactory
-    from snr_sim.std_mods.timer import Timer as Timer
+    from snr_sim.std_mods.timing import StopwatchEndpointFactory as StopwatchEndpointFactory
+    from snr_sim.std_mods.timing import TimeoutLoopFactory as TimeoutLoopFactory
+    from snr_sim.std_mods.timing import Timer as Timer
     from snr_sim.supervision.multi_proc import MultiProcRunner as MultiProcRunner
     from snr_sim.testing.case import SNRTestCase as SNRTestCase
     from snr_sim.testing.expector import Expectations as Expectations

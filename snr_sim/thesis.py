@@ -26,7 +26,7 @@ from snr_sim.prelude.task import SomeTasks, Task
 from snr_sim.std_mods.moving_average import MovingAvgFilterFactory
 from snr_sim.std_mods.recorder import RecorderEndpointFactory
 from snr_sim.std_mods.replayer import ListReplayer, ReplayerLoopFactory
-from snr_sim.std_mods.timer import Timer
+from snr_sim.std_mods.timing import Timer
 from snr_sim.supervision.multi_proc import MultiProcRunner
 from snr_sim.testing.expector import Expectations, ExpectorEndpointFactory, TaskExpectations
 

@@ -12,7 +12,7 @@ import msgspec
 
 from snr_sim.core.datastore import page_age_s
 from snr_sim.core.loop import Loop
-from snr_sim.core.page_writers import find_writer, writers_of
+from snr_sim.core.run_diagnostics import find_writer, writers_of
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle

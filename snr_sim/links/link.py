@@ -24,7 +24,7 @@ from snr_sim.core.component import ComponentLog
 from snr_sim.core.datastore import LINK_PREFIX
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.page_writers import find_writer
+from snr_sim.core.run_diagnostics import find_writer
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
