@@ -32,7 +32,8 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Simulation
-from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, result_of
+from snr_sim.scenario.simulation_run import RunResult, result_of
+from snr_sim.scenario.student_calls import Referee, TruthLog
 
 _CHECK_PERIOD_S = 0.02  # between two checks of the referee
 _TIME_LIMIT = "time limit"

@@ -35,7 +35,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
-from snr_sim.scenario.controller import factories_of
+from snr_sim.scenario.student_calls import factories_of
 
 MAX_OUTPUT_CHARS = 100_000  # of the output and logs of one step
 _STEPS_WITH_TASKS = ("begin", "setup", "loop")
