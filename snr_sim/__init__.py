@@ -53,10 +53,10 @@ if TYPE_CHECKING:
     from snr_sim.prelude.device import Stale as Stale
     from snr_sim.prelude.errors import SnrError as SnrError
     from snr_sim.prelude.life_cycle import LifeCycle as LifeCycle
-    from snr_sim.prelude.page import DataKey as DataKey
-    from snr_sim.prelude.page import Page as Page
     from snr_sim.prelude.scenario import RobotInfo as RobotInfo
     from snr_sim.prelude.scenario import Verdict as Verdict
+    from snr_sim.prelude.task import DataKey as DataKey
+    from snr_sim.prelude.task import Page as Page
     from snr_sim.prelude.task import SomeTasks as SomeTasks
     from snr_sim.prelude.task import Task as Task
     from snr_sim.prelude.task import TaskHandler as TaskHandler

@@ -16,7 +16,7 @@ from snr_sim.core.datastore import LINK_PREFIX, page_age_s
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
 from snr_sim.core.profiler import Profiler
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 
 MAX_ROWS = 500
 

@@ -19,9 +19,8 @@ from snr_sim.core.source_location import SourceLocation, current_location, is_st
 from snr_sim.core.thesis_members import ComponentMembers
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import IMMUTABLE, DataKey, Page, snapshot
 from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.task import SomeTasks, Task, TaskType
+from snr_sim.prelude.task import IMMUTABLE, DataKey, Page, SomeTasks, Task, TaskType, snapshot
 from snr_sim.prelude.text import visible
 from snr_sim.prelude.values import is_of_program
 

@@ -15,8 +15,7 @@ from typing import Any
 from snr_sim.core.machine import EventMachine
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskId, TaskType
 
 PREVIOUS = "_prev"
 LINK_PREFIX = "link_"

@@ -16,9 +16,8 @@ from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.thesis_members import LoopMembers
 from snr_sim.prelude.errors import ComponentFailedError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.renamed import warn_renamed
-from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, TaskHandlerMap
 
 _EXECUTORS = ("thread", "process")
 

@@ -33,10 +33,9 @@ from snr_sim.core.thread_executor import ThreadExecutor
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
-from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
 from snr_sim.prelude.rng import component_seed, rng_for
-from snr_sim.prelude.task import SomeTasks, Task, TaskName, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskName, TaskType
 
 if TYPE_CHECKING:
     import numpy as np

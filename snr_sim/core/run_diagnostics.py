@@ -27,9 +27,8 @@ from snr_sim.core.source_location import (
 )
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import suggest
-from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.prelude.task import TaskName, TaskType
+from snr_sim.prelude.task import DataKey, TaskName, TaskType
 
 _STEPS = ("begin", "join", "halt", "terminate")
 NEXT_LINE = "\n  "

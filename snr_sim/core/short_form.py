@@ -35,8 +35,7 @@ import msgspec
 from snr_sim.core.handlers import check_returns, describe
 from snr_sim.core.source_location import after_line, location_of
 from snr_sim.prelude.errors import ConfigError, TaskError
-from snr_sim.prelude.page import DataKey, ensure_type_info
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskId, TaskType, ensure_type_info
 
 StructClass = TypeVar("StructClass", bound=type[msgspec.Struct])
 Data = TypeVar("Data")

@@ -16,8 +16,8 @@ from snr_sim.core.run_diagnostics import find_writer, writers_of
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle
-from snr_sim.prelude.page import Page, ensure_type_info
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.task import Page, ensure_type_info
 
 CommandT = TypeVar("CommandT", bound=msgspec.Struct)
 Limits = dict[str, tuple[float, float]]

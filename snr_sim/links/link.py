@@ -31,9 +31,8 @@ from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.wire_bounds import encode_page
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 
 BEFORE_LOOPS = -1  # under a SimClock, pages due at the same time as loops arrive first, so that loops find them

@@ -16,7 +16,7 @@ from typing import Annotated, Any, TypeAlias
 import msgspec
 
 from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
-from snr_sim.prelude.page import Page, ensure_type_info
+from snr_sim.prelude.task import Page, ensure_type_info
 from snr_sim.prelude.values import TAG, may_have_tags
 
 PROTOCOL = "snr"

@@ -10,7 +10,7 @@ import re
 from typing import Any, NoReturn
 
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.task import KINDS, Page
 
 MAX_DEPTH = 100  # of nested objects and lists, including the message
 MIN_INT, MAX_INT = -(2**63), 2**64 - 1

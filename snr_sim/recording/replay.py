@@ -24,8 +24,7 @@ from snr_sim.core.machine import HandlerError
 from snr_sim.core.node import Node
 from snr_sim.core.watchdog import Watchdog
 from snr_sim.prelude.errors import ComponentFailedError, TraceError, ValueEncodingError
-from snr_sim.prelude.page import KINDS, Page
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import KINDS, Page, Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.checker import NodeReplay, ReplayChecker

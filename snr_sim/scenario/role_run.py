@@ -27,9 +27,9 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.component import PortFactory
 from snr_sim.prelude.errors import ConfigError, LinkError, SnrError
 from snr_sim.prelude.interfaces import implements
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.task import Page
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Simulation
 from snr_sim.scenario.simulation_run import RunResult, result_of

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 import snr_sim
-from snr_sim.prelude.page import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 
 KIT = Path(snr_sim.__file__).parent
 PLAIN = {"int", "float", "str", "bool", "bytes", "Any"}  # types of which there is nothing to learn
@@ -20,8 +20,8 @@ from threading import Barrier, Thread
 import msgspec
 from snr_sim.devices.commands import command_of
 from snr_sim.devices.replayed import ReplayedSensor
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.page import ensure_type_info
+from snr_sim.prelude.task import Page
+from snr_sim.prelude.task import ensure_type_info
 
 def read(data, kind):
     return ReplayedSensor("imu", [Page("imu", data, "node", 0.0)], kind, lambda: 1.0).read()

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
-from snr_sim.prelude.page import snapshot
+from snr_sim.prelude.task import snapshot
 
 
 class Userdata:

@@ -29,8 +29,7 @@ from snr_sim.core.process.messages import MessageLine
 from snr_sim.core.source_location import describe_error
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Page, Task
 
 _COUNTS_PERIOD_S = 0.5
 

@@ -14,9 +14,9 @@ from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, Image, Rays, intersect_scene
 from snr_sim.devices.simulated import SensorErrors, SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
-from snr_sim.prelude.page import snapshot
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import Ball
+from snr_sim.prelude.task import snapshot
 
 # Axis, right and down of the image, body frame. Looking down, the top of the image is ahead.
 DIRECTIONS = {

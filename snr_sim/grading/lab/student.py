@@ -18,7 +18,7 @@ from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import CALL_CPU_S, ChildProcess
 from snr_sim.grading.remote.sent_code import code_to_send
-from snr_sim.prelude.page import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 from snr_sim.prelude.values import encode_value, may_have_tags
 
 if TYPE_CHECKING:

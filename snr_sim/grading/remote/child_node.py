@@ -31,8 +31,7 @@ from snr_sim.grading.remote.child_values import plain
 from snr_sim.grading.remote.cpu_time import CpuTimeExceeded
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
 from snr_sim.scenario.student_calls import factories_of
