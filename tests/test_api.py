@@ -55,7 +55,6 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.scenario.library",
     },
     "assignments/06_perception_drop_in/starter/look.py": {
-        "snr_sim.prelude.task.Page",
         "snr_sim.prelude.values.decode_value",
         "snr_sim.recording.folder.trace_path",
         "snr_sim.recording.reader.read_trace",
