@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     from snr_sim.core.config import Mode as Mode
     from snr_sim.core.endpoint import Endpoint as Endpoint
     from snr_sim.core.endpoint import EndpointFactory as EndpointFactory
-    from snr_sim.core.handles import handles as handles
     from snr_sim.core.loop import Loop as Loop
     from snr_sim.core.loop import LoopFactory as LoopFactory
     from snr_sim.core.loop import ThreadLoop as ThreadLoop
     from snr_sim.core.node import Node as Node
-    from snr_sim.core.page_types import page as page
     from snr_sim.core.profiler import Profiler as Profiler
     from snr_sim.core.reload.watch import WatchLoopFactory as WatchLoopFactory
     from snr_sim.core.runners import CliRunner as CliRunner
     from snr_sim.core.runners import SimRunner as SimRunner
     from snr_sim.core.runners import SynchronousRunner as SynchronousRunner
     from snr_sim.core.runners import TestRunner as TestRunner
+    from snr_sim.core.short_form import handles as handles
+    from snr_sim.core.short_form import page as page
     from snr_sim.links.faults import LinkFaults as LinkFaults
     from snr_sim.links.memory import MemoryLink as MemoryLink
     from snr_sim.links.pipes import PipeLoopFactory as PipeLoopFactory
@@ -53,10 +53,10 @@ if TYPE_CHECKING:
     from snr_sim.prelude.device import Stale as Stale
     from snr_sim.prelude.errors import SnrError as SnrError
     from snr_sim.prelude.life_cycle import LifeCycle as LifeCycle
-    from snr_sim.prelude.page import DataKey as DataKey
-    from snr_sim.prelude.page import Page as Page
     from snr_sim.prelude.scenario import RobotInfo as RobotInfo
     from snr_sim.prelude.scenario import Verdict as Verdict
+    from snr_sim.prelude.task import DataKey as DataKey
+    from snr_sim.prelude.task import Page as Page
     from snr_sim.prelude.task import SomeTasks as SomeTasks
     from snr_sim.prelude.task import Task as Task
     from snr_sim.prelude.task import TaskHandler as TaskHandler
@@ -76,9 +76,9 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.replayer import ReplayerLoopFactory as ReplayerLoopFactory
     from snr_sim.std_mods.replayer import TextReplayer as TextReplayer
     from snr_sim.std_mods.replayer import TextReplayerFactory as TextReplayerFactory
-    from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory as StopwatchEndpointFactory
-    from snr_sim.std_mods.timeout import TimeoutLoopFactory as TimeoutLoopFactory
-    from snr_sim.std_mods.timer import Timer as Timer
+    from snr_sim.std_mods.timing import StopwatchEndpointFactory as StopwatchEndpointFactory
+    from snr_sim.std_mods.timing import TimeoutLoopFactory as TimeoutLoopFactory
+    from snr_sim.std_mods.timing import Timer as Timer
     from snr_sim.supervision.multi_proc import MultiProcRunner as MultiProcRunner
     from snr_sim.testing.case import SNRTestCase as SNRTestCase
     from snr_sim.testing.expector import Expectations as Expectations

@@ -55,7 +55,6 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.scenario.library",
     },
     "assignments/06_perception_drop_in/starter/look.py": {
-        "snr_sim.prelude.page.Page",
         "snr_sim.prelude.values.decode_value",
         "snr_sim.recording.folder.trace_path",
         "snr_sim.recording.reader.read_trace",
@@ -88,7 +87,7 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.learning.vertical_batch.Floats",
         "snr_sim.learning.vertical_batch.Landers",
         "snr_sim.learning.vertical_batch.step",
-        "snr_sim.prelude.structs.ensure_type_info",
+        "snr_sim.prelude.task.ensure_type_info",
     },
     "assignments/10_lunar_lander_q/starter/learn.py": {
         "snr_sim.grading.lab.lab.find_lab",
@@ -140,7 +139,7 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.scenario.library",
     },
     "robots/urov/autopilot.py": {
-        "snr_sim.core.page_age.page_age_s",
+        "snr_sim.core.datastore.page_age_s",
         "snr_sim.plants.urov.t200.curve",
         "snr_sim.prelude.recorder.RECORDING_KEY",
     },
@@ -148,7 +147,7 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.core.config.AnyFactory",
     },
     "robots/urov/controls.py": {
-        "snr_sim.prelude.structs.ensure_type_info",
+        "snr_sim.prelude.task.ensure_type_info",
     },
     "robots/urov/evaluation.py": {
         "snr_sim.plants.urov.t200.STOP_US",
@@ -159,7 +158,7 @@ NOT_PUBLIC: dict[str, set[str]] = {
     },
     "robots/urov/readings.py": {
         "snr_sim.devices.commands.command_of",
-        "snr_sim.prelude.structs.ensure_type_info",
+        "snr_sim.prelude.task.ensure_type_info",
     },
     "robots/urov/robot.py": {
         "snr_sim.devices.wire.mcu_messages.BAUD",

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from snr_sim import Endpoint, EndpointFactory, Loop, SomeTasks, Task, handles, tasks
-from snr_sim.core.page_age import page_age_s
+from snr_sim.core.datastore import page_age_s
 from snr_sim.errors import CommandError, UnknownNameError
 from snr_sim.plants.urov.t200 import curve
 from snr_sim.prelude.recorder import RECORDING_KEY

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.errors import CommandError, UnknownNameError, suggest
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 from snr_sim.teleop import Cue, GamepadPilotFactory, ScriptedPilotFactory, Stick, legend
 
 # Each mode does what those before it do, too; "manual" is the sticks alone.

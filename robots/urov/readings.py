@@ -16,7 +16,7 @@ from snr_sim import Page
 from snr_sim.devices.commands import command_of
 from snr_sim.errors import CommandError
 from snr_sim.plants import Limit
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 from snr_sim.signals import DepthReading, ImuReading, LeakReading, PowerReading
 
 AHEAD_S = 0.1  # a reading is stamped by the clock of the run, so none is of times to come

@@ -17,8 +17,7 @@ from typing import Any
 
 from snr_sim.behaviors.context import Owner
 from snr_sim.prelude.errors import ConfigError, ParameterError
-from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Task
 
 READ_FUNCTIONS = frozenset({"read", "age_ms", "read_since_entry"})
 DRIVE_FUNCTIONS = frozenset({"start", "stop"})

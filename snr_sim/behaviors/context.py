@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError, suggest
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 
 if TYPE_CHECKING:
     import numpy as np

@@ -29,8 +29,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
 
 
 def machine_parts(

@@ -36,7 +36,7 @@ from snr_sim.behaviors.program import (
     ProgramError,
 )
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
-from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import DataKey
 
 if TYPE_CHECKING:
     import numpy as np

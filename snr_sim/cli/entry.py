@@ -61,7 +61,7 @@ def _name_threads() -> None:
         if not thread.daemon and thread is not threading.main_thread():
             thread.join(max(give_up_s - time.monotonic(), 0.0))
     if threading.active_count() > 1:
-        from snr_sim.core.left_threads import notes_on_threads
+        from snr_sim.core.standstill import notes_on_threads
 
         for note in notes_on_threads():
             print_line(sys.stderr, f"note: {note}")

@@ -73,7 +73,7 @@ def _edits_in(trace: Trace) -> set[int]:
 
 def _changes_with(trace: Trace, file: str, trust: bool) -> list[Change]:
     """Execute the run again with another program; return its changes of state."""
-    from snr_sim.core.reload.source_files import reading_from
+    from snr_sim.core.reload.sources import reading_from
     from snr_sim.recording.replay import replay_node
     from snr_sim.scenario.machine_edits import changes_of
     from snr_sim.scenario.replay_files import files_of_replay

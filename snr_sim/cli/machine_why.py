@@ -62,7 +62,7 @@ def why(
 def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> dict[str, list[str]]:
     """Execute the run again and log the evaluations; return the states of its machines by path."""
     from snr_sim.behaviors.explain import explaining
-    from snr_sim.core.reload.source_files import reading_from
+    from snr_sim.core.reload.sources import reading_from
     from snr_sim.recording.replay import replay_node
 
     programs: list[Program] = []

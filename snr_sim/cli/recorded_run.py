@@ -56,7 +56,7 @@ def record_run(
     from snr_sim.core.interrupts import graceful_shutdown
     from snr_sim.core.reload.watch import with_watch
     from snr_sim.core.runners import show_log
-    from snr_sim.core.slow_start import SlowStart
+    from snr_sim.core.standstill import SlowStart
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.scenario.library import keep_copies

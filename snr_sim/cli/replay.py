@@ -92,11 +92,10 @@ class _Replayed:
 def _replay(trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[Any], is_checking: bool) -> _Replayed:
     from contextlib import ExitStack
 
-    from snr_sim.core.reload.source_files import reading_from
+    from snr_sim.core.reload.sources import reading_from
     from snr_sim.recording.folder import trace_warnings
     from snr_sim.recording.nondeterminism import detect_nondeterminism
-    from snr_sim.recording.reloads import describe_reloads, reload_sources
-    from snr_sim.recording.replay import replay_node
+    from snr_sim.recording.replay import describe_reloads, reload_sources, replay_node
 
     roles = [node.removesuffix("_node") for node in trace.header.nodes]
     with ExitStack() as stack:

@@ -6,7 +6,7 @@ import os
 import signal
 from types import FrameType
 
-_STUCK_S = 2.0  # as in a run: see core/last_resort.py, which is slow to import
+_STUCK_S = 2.0  # as in a run: see core/interrupts.py, which is slow to import
 stopped_by: list[int] = []  # numbers of the received signals
 
 
@@ -44,7 +44,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _end_if_stuck(number: int, frame: FrameType | None) -> None:
-    from snr_sim.core.last_resort import write_stderr
+    from snr_sim.core.interrupts import write_stderr
     from snr_sim.core.source_location import INTERRUPT_FIX, current_location
 
     place = None if frame is None else current_location(frame)

@@ -16,8 +16,7 @@ from snr_sim.core.component import CORE_NAME
 from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import suggest
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.prelude.text import visible
 
 ALL = "all"

@@ -12,11 +12,11 @@ from itertools import islice
 from typing import Any
 
 from snr_sim.console.formatting import MAX_ITEMS, format_short, format_value, name, table, truncate_value
+from snr_sim.core.datastore import LINK_PREFIX, page_age_s
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
-from snr_sim.core.page_age import LINK_PREFIX, page_age_s
 from snr_sim.core.profiler import Profiler
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 
 MAX_ROWS = 500
 

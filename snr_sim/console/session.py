@@ -12,8 +12,7 @@ from snr_sim.console.parsing import MAX_LINE_CHARS, ConsoleCommandError
 from snr_sim.console.table import CommandResult, Table, completions, parse
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import SnrError, suggest
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import Page, Task
 
 # The node keeps every name that it receives (a page, a looked-up handler), so the number from consoles is limited.
 MAX_NEW_NAMES = 1000

@@ -1,4 +1,4 @@
-"""The two clocks: wall time for robots, virtual time for simulation, tests and grading."""
+"""The two clocks: wall time for robots, virtual time for simulation, tests and grading, where the clock calls loops."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ import time
 from collections.abc import Callable
 from typing import TypeAlias
 
-from snr_sim.prelude.errors import ClockError
+from snr_sim.core.loop import Loop, WakingPages
+from snr_sim.core.node_life import NodeLife
+from snr_sim.prelude.errors import ClockError, ComponentFailedError
 
 Callback: TypeAlias = Callable[[], None]
+_UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
 
 
 class WallClock:
@@ -99,3 +102,96 @@ class SimClock:
                 f"Something slept until {time_s:.3f} s under the virtual clock, where time moves only between tasks.",
                 fix="let a loop tick at that rate (max_tick_rate_hz), or use TimeoutLoopFactory.",
             )
+
+
+class ClockExecutor:
+    """Executor that lets the virtual clock call the loop on the node's thread: tick k is at exactly k / rate."""
+
+    setup_timeout_s: float = 0.0  # `start` calls `setup` itself
+
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
+        assert isinstance(loop.parent.clock, SimClock)
+        self._loop = loop
+        self._life = life
+        self._clock = loop.parent.clock
+        self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
+        self._start_s = self._clock.now_s() + loop.first_tick_after_s
+        self._order = life.registry.order_of(loop.name)
+        self._must_halt = False
+        self._at_once = 0  # consecutive ticks that were requested at once
+        self._pages = WakingPages(loop, self)
+        self._periods = 0  # ticks but for those that a page has caused
+        self._is_woken = False  # a tick in addition to the rate is due at this moment
+        self.is_stopped: bool = False
+        self.ticks: int = 0
+        self.late_s: float = 0.0
+
+    def start(self) -> None:
+        """Call `setup` and schedule the first tick on the clock."""
+        self._must_halt = True  # before setup: a loop whose setup fails must be halted too, as on a thread
+        self._life.call_loop(self._loop, "setup")
+        self._pages.begin()
+        self._clock.call_at(self._start_s, self._tick, self._order)
+
+    def _tick(self) -> None:
+        self._periods += 1
+        self._call()
+        if not self.is_stopped:
+            self._clock.call_at(self._next_s(), self._tick, self._order)
+
+    def _tick_woken(self) -> None:
+        self._is_woken = False
+        self._call()
+
+    def _call(self) -> None:
+        if self.is_stopped:
+            return
+        self.ticks += 1
+        try:
+            self._life.call_loop(self._loop, "loop")
+        except ComponentFailedError as failure:
+            self.is_stopped = True
+            if not self._life.handle_failure(self._loop, failure):
+                raise
+
+    def _next_s(self) -> float:
+        target_s = self._loop.next_tick_at_s
+        if target_s is None:
+            # A product would drift in the last digits; ticks of loops with equal rates need equal floats.
+            return self._start_s + self._periods / self._rate_hz
+        now_s = self._clock.now_s()
+        if target_s > now_s:
+            self._at_once = 0
+            return target_s
+        self._at_once += 1
+        if self._at_once > self._life.node.config.max_tasks_per_moment:
+            raise self._life.report.failure_of(self._loop, _standstill_error(target_s, self._at_once - 1), "loop")
+        return now_s
+
+    def wake(self) -> None:
+        """Do nothing: tasks scheduled for an instant are executed before the ticks of that instant anyway."""
+
+    def tick_now(self) -> None:
+        """Call the loop at this moment, once the node has nothing left to do."""
+        if not self._is_woken and not self.is_stopped:
+            self._is_woken = True
+            self._clock.call_at(self._clock.now_s(), self._tick_woken, self._order)
+
+    def stop(self) -> None:
+        """Ask for no more ticks."""
+        self.is_stopped = True
+
+    def join(self) -> None:
+        """Stop and halt the loop."""
+        self.is_stopped = True
+        self._pages.end()
+        if self._must_halt:
+            self._must_halt = False
+            self._loop.halt()
+
+
+def _standstill_error(target_s: float, ticks: int) -> ClockError:
+    return ClockError(
+        f"After each of {ticks} ticks in a row next_tick_at_s was {target_s:g}, which is not later: time stands still.",
+        fix="next_tick_at_s = self.get_time_s() + a delay; or leave it alone, and the loop keeps its max_tick_rate_hz.",
+    )

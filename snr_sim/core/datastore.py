@@ -1,11 +1,25 @@
-"""Datastore: the newest page of each key, and the one before it under `<key>_prev`."""
+"""Pages of a node: the newest of each key, the one before it under `<key>_prev`, their storing and their age.
+
+On the wall clock each node counts from its own start, so `created_at_s` of another node's page is not comparable with
+local time. A link knows the offset between the clocks of its two ends and stores it in its state page. That page is
+recorded like any other, so a replay computes the same age.
+"""
 
 from __future__ import annotations
 
+import math
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from snr_sim.core.machine import EventMachine
 from snr_sim.prelude.errors import TaskError
-from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskId, TaskType
 
 PREVIOUS = "_prev"
+LINK_PREFIX = "link_"
+_PROCESS_DATA = TaskType.process_data  # looked up once, as in component.py
 
 
 class Datastore:
@@ -24,6 +38,9 @@ class Datastore:
         self.previous: dict[DataKey, Page] = {}
         self.missed: dict[DataKey, None] = {}  # requested too early, in order; reported if never stored
         self.stored: int = 0
+        self.received_s: dict[DataKey, float] = {}  # arrival time of the newest page of a key from other nodes
+        # Callbacks by key: links send these pages on. Not part of the machine, so a replay has none.
+        self.listeners: dict[DataKey, list[Callable[[Page], None]]] = {}
 
     def put(self, page: Page) -> Page | None:
         """Make `page` the newest of its key; return the previous newest, if any.
@@ -58,3 +75,92 @@ class Datastore:
         if page is None:
             self.missed[key] = None
         return page
+
+
+class PageStorage:
+    """Handles `store_page` tasks: stores each page and schedules its processing.
+
+    Args:
+        node: name of the node.
+        machine, datastore: of the node.
+    """
+
+    def __init__(self, node: str, machine: EventMachine, datastore: Datastore) -> None:
+        self._own_name = node
+        self._machine = machine
+        self._put = datastore.put
+        self._received_s = datastore.received_s
+        self._listeners = datastore.listeners
+        # Pages whose `process_data` task waits behind others, oldest first, each with the page of its key before it.
+        # Tasks are executed in queue order, so entries in excess of the queue's length have been processed.
+        self._waiting: deque[tuple[Page, Page | None]] = deque()
+
+    def store(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Put the page in the datastore, and schedule its processing if it requests that."""
+        values = task.val_list
+        if not (values and isinstance(values, (list, tuple))):
+            raise TaskError(
+                f"The task store_page '{task.name}' carries {values or 'no page'!r}, not a list with a page.",
+                fix="self.store_data_task(key, data).",
+            )
+        page = values[0]
+        before = self._put(page)
+        if page.origin != self._own_name:
+            self._received_s[page.key] = self._machine.now_s
+        if self._listeners:
+            for listener in self._listeners.get(page.key, ()):
+                listener(page)
+        if not page.process:
+            return None
+        if self._machine.queue:  # else it is processed next, while it is still the newest
+            self.await_processing(page, before)
+        return Task(_PROCESS_DATA, page.key, [page])
+
+    def await_processing(self, page: Page, before: Page | None) -> None:
+        """Keep the page of the key that was stored before this one until this one has been processed."""
+        queue, waiting = self._machine.queue, self._waiting
+        waiting.append((page, before))
+        while len(waiting) > len(queue) + 1:
+            waiting.popleft()
+
+    def page_before(self, page: Page) -> Page | None:
+        """Return the page of the same key stored before `page`, whose `process_data` task is being executed."""
+        return next((before for one, before in self._waiting if one is page), None)
+
+
+def page_age_s(node: NodeApi, page: Page) -> float:
+    """Return the age of a page [s]; if uncertain, an upper bound.
+
+    On the wall clock, the age of another node's page is infinite if no link knows that node's clock, since a command of
+    unknown age must not count as fresh. The age is at least the time since the page arrived, which this node's own
+    clock measures even if the other program has ended.
+    """
+    now_s = node.get_time_s()
+    if page.origin == node.name:
+        return now_s - page.created_at_s
+    here_s = now_s - node.received_at_s(page.key)
+    offset_s = 0.0 if node.is_in_lock_step else clock_offset_s(node, page.origin)
+    return max(here_s, now_s - page.created_at_s - offset_s)
+
+
+def clock_offset_s(node: NodeApi, far: str) -> float:
+    """Return the offset from the far node's clock to ours [s], as measured by our links; -inf if none has.
+
+    If several nodes have that name, return the smallest offset: an age is then too large rather than too small.
+    """
+    offsets_s = [
+        peer["clock_offset_s"]
+        for key, page in node.datastore.pages.copy().items()
+        # A page with such a key from a far end is not the state of a link of this node.
+        if key.startswith(LINK_PREFIX) and page.origin == node.name
+        for name, peer in _peers_in(page.data)
+        if (name == far or str(name).startswith(f"{far}#")) and isinstance(peer, dict)
+        if isinstance(peer.get("clock_offset_s"), float)
+    ]
+    return min(offsets_s, default=-math.inf)
+
+
+def _peers_in(state: Any) -> Iterable[tuple[Any, Any]]:
+    """Return name and state of each peer in a link's page; nothing if the page has another format."""
+    peers = state.get("peers") if isinstance(state, dict) else None
+    return peers.items() if isinstance(peers, dict) else ()

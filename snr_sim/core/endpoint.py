@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from snr_sim.core.component import NodeComponent
 from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.handlers import HandlerMap, check_handlers, describe
-from snr_sim.core.handles import decorated_handlers
+from snr_sim.core.short_form import decorated_handlers
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, TaskHandler, TaskHandlerMap, TaskId

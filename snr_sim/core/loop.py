@@ -1,7 +1,7 @@
 """Loops: components that are the sources of a node's inputs. Every other task is the result of an input.
 
-The author writes `setup`, `loop`, `halt` and `terminate`; the executor (`core/executors.py`) calls them: the virtual
-clock in lock step; on the wall clock a thread of the loop's own, or a process.
+The author writes `setup`, `loop`, `halt` and `terminate`; an executor calls them: the virtual clock in lock step
+(`core/clocks.py`); on the wall clock a thread of the loop's own (`core/thread_executor.py`), or a process.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from snr_sim.core.factory import ComponentFactory, FactoryOfClass
 from snr_sim.core.thesis_members import LoopMembers
 from snr_sim.prelude.errors import ComponentFailedError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.renamed import warn_renamed
-from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, TaskHandlerMap
 
 _EXECUTORS = ("thread", "process")
 
@@ -49,6 +48,28 @@ class LoopExecutor(Protocol):
 
     def join(self) -> None:
         """Stop, and return once `halt` has been called."""
+
+
+class WakingPages:
+    """Lets an executor call its loop at once when one of the pages in the loop's `wakes_on` is stored."""
+
+    def __init__(self, loop: Loop, executor: LoopExecutor) -> None:
+        self._loop, self._executor = loop, executor
+        self._listening: list[DataKey] = []
+
+    def begin(self) -> None:
+        """Listen from now on. On the node's thread, as `end`."""
+        for key in self._loop.wakes_on:
+            self._loop.parent.add_store_listener(key, self._on_page)
+            self._listening.append(key)
+
+    def end(self) -> None:
+        """Listen no more. Safe to call twice."""
+        while self._listening:
+            self._loop.parent.remove_store_listener(self._listening.pop(), self._on_page)
+
+    def _on_page(self, page: Page) -> None:
+        self._executor.tick_now()
 
 
 class SetupResult:

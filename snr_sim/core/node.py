@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.clocks import SimClock, WallClock
+from snr_sim.core.clocks import ClockExecutor, SimClock, WallClock
+from snr_sim.core.component import data_of_page
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config, Mode
-from snr_sim.core.datastore import PREVIOUS, Datastore
+from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, page_age_s
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.executors import ClockExecutor, ThreadExecutor
 from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
 from snr_sim.core.lockstep import run_node
@@ -26,19 +26,17 @@ from snr_sim.core.machine import EventMachine
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_report import NodeReport
-from snr_sim.core.page_age import page_age_s
-from snr_sim.core.page_data import data_of_page
-from snr_sim.core.page_writers import find_writer
 from snr_sim.core.profiler import Profiler
 from snr_sim.core.reload.sources import reloading_file
+from snr_sim.core.run_diagnostics import find_writer
 from snr_sim.core.thesis_members import NodeMembers
+from snr_sim.core.thread_executor import ThreadExecutor
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
-from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
 from snr_sim.prelude.rng import component_seed, rng_for
-from snr_sim.prelude.task import SomeTasks, Task, TaskName, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskName, TaskType
 
 if TYPE_CHECKING:
     import numpy as np
@@ -106,7 +104,8 @@ class Node(NodeMembers):
         self.report: NodeReport = NodeReport(self.name, self.clock, self.machine, self._recorder)
         self.life: NodeLife = NodeLife(self, self.registry, self.report, self._recorder)
         lookup.add_note = self.add_note
-        self._core = NodeCore(self, self.life)
+        self._storage = PageStorage(self.name, self.machine, self.datastore)
+        self._core = NodeCore(self, self.life, self._storage)
         self.registry.add(self._core, 0)
         self.registry.add_all(config.get(role), is_replay)
 
@@ -167,7 +166,7 @@ class Node(NodeMembers):
         self.schedule(Task(TaskType.terminate, reason), "set_terminate_flag")
 
     def find_writer(self, key: DataKey, reader: str) -> tuple[str, str, tuple[str, ...]]:
-        """Return what is known of the component that stores pages of a key: see `page_writers.find_writer`."""
+        """Return what is known of the component that stores pages of a key: see `run_diagnostics.find_writer`."""
         return find_writer(key, [one for one in self.components.values() if one.name != reader])
 
     # Tasks
@@ -257,7 +256,7 @@ class Node(NodeMembers):
             return newest
         if key == page.key:
             return page
-        return self._core.page_before(page) if key == page.key + PREVIOUS and key not in pages else newest
+        return self._storage.page_before(page) if key == page.key + PREVIOUS and key not in pages else newest
 
     def get_data(self, key: DataKey) -> Any:
         """Return the data of `get_page`, or None."""
@@ -265,21 +264,21 @@ class Node(NodeMembers):
         return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Return the age of the page of `get_page` [s]; infinite without one, or if unknown: see core/page_age.py."""
+        """Return the age of the page of `get_page` [s]; infinite without one, or if unknown: see core/datastore.py."""
         page = self.get_page(key)
         return float("inf") if page is None else page_age_s(self, page)
 
     def received_at_s(self, key: DataKey) -> float:
         """Return when the newest page of a key from another node arrived here [s]; -inf if none did."""
-        return self._core.received_s.get(key, float("-inf"))
+        return self.datastore.received_s.get(key, float("-inf"))
 
     def add_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
         """Call `callback` with every page of a key right after it was stored, on the node's thread: see `NodeCore`."""
-        self._core.store_listeners.setdefault(key, []).append(callback)
+        self.datastore.listeners.setdefault(key, []).append(callback)
 
     def remove_store_listener(self, key: DataKey, callback: Callable[[Page], None]) -> None:
         """End what `add_store_listener` began."""
-        self._core.store_listeners[key].remove(callback)
+        self.datastore.listeners[key].remove(callback)
 
     # Time and random numbers
 

@@ -7,9 +7,8 @@ from snr_sim.core.source_location import class_location, describe_error, locatio
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import CommandError, ComponentFailedError
-from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.recorder import NodeRecorder
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Task
 
 INTERRUPTED = "interrupted"  # prefix of an error record for a handler that did not return
 MAX_NOTES = 100  # a limit on memory: failures with ever-changing messages must not fill it

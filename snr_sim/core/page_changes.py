@@ -11,8 +11,7 @@ from functools import wraps
 from typing import Any
 
 from snr_sim.core.source_location import location_of
-from snr_sim.prelude.snapshot import snapshot
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId, snapshot
 
 COPY_FIX = "change a copy: {0} = dict({0}), or list({0})."
 

@@ -17,7 +17,7 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.handlers import describe
 from snr_sim.core.machine import EventMachine, HandlerError
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.page_writers import writers_of
+from snr_sim.core.run_diagnostics import writers_of
 from snr_sim.core.source_location import SourceLocation, after_line, location_of
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.task import Task

@@ -11,13 +11,12 @@ from typing import Protocol
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import ComponentsByRole, Config, Mode
 from snr_sim.core.interrupts import RunInterrupted, graceful_shutdown
-from snr_sim.core.left_threads import notes_on_threads
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.reload.watch import with_watch
-from snr_sim.core.slow_start import SlowStart
 from snr_sim.core.standard_streams import print_line
+from snr_sim.core.standstill import SlowStart, notes_on_threads
 from snr_sim.core.unblocked_output import unblocked_output
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName

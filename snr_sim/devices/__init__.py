@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.devices.commands import SimActuator as SimActuator
     from snr_sim.devices.device_strings import check_table as check_table
     from snr_sim.devices.device_strings import open_pwm as open_pwm
     from snr_sim.devices.device_strings import open_sensor as open_sensor
@@ -16,12 +17,12 @@ if TYPE_CHECKING:
     from snr_sim.devices.mcu.mcu_board import McuBoard as McuBoard
     from snr_sim.devices.pwm.engine_pwm import EnginePwmLoopFactory as EnginePwmLoopFactory
     from snr_sim.devices.pwm.engine_pwm import EngineServos as EngineServos
-    from snr_sim.devices.pwm.loopback import LoopbackPwm as LoopbackPwm
     from snr_sim.devices.pwm.maestro import Maestro as Maestro
     from snr_sim.devices.pwm.passive_pwm import PassivePwm as PassivePwm
     from snr_sim.devices.pwm.pca9685 import Pca9685 as Pca9685
     from snr_sim.devices.pwm.pwm_backend import PwmBackend as PwmBackend
     from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory as PwmLoopFactory
+    from snr_sim.devices.pwm.sim_pwm import LoopbackPwm as LoopbackPwm
     from snr_sim.devices.pwm.sim_pwm import SimPwm as SimPwm
     from snr_sim.devices.pwm.sim_pwm import drive_plant as drive_plant
     from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm as SupervisedPwm
@@ -43,10 +44,9 @@ if TYPE_CHECKING:
     from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS as POSITION_FIX_ERRORS
     from snr_sim.devices.sensors.position_fix import PositionFix as PositionFix
     from snr_sim.devices.sensors.position_fix import position_fix_of as position_fix_of
-    from snr_sim.devices.sensors.sensor_errors import BiasDrift as BiasDrift
-    from snr_sim.devices.sensors.sensor_errors import SensorErrors as SensorErrors
     from snr_sim.devices.sensors.stereo import StereoCamera as StereoCamera
-    from snr_sim.devices.simulated import SimActuator as SimActuator
+    from snr_sim.devices.simulated import BiasDrift as BiasDrift
+    from snr_sim.devices.simulated import SensorErrors as SensorErrors
     from snr_sim.devices.simulated import SimSensor as SimSensor
     from snr_sim.prelude.device import Actuator as Actuator
     from snr_sim.prelude.device import Device as Device

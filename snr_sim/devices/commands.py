@@ -1,18 +1,23 @@
-"""Commands in pages: the newest of a key, and its conversion; an invalid one raises an error that explains it."""
+"""Commands in pages: the newest of a key, its conversion, and the simulated actuator that applies it.
+
+An invalid command raises an error that explains it.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any, get_args, get_origin
+from typing import Any, Generic, TypeVar, get_args, get_origin
 
 import msgspec
 
+from snr_sim.core.datastore import page_age_s
 from snr_sim.core.loop import Loop
-from snr_sim.core.page_age import page_age_s
-from snr_sim.prelude.errors import CommandError, suggest
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, suggest
+from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.task import Page, ensure_type_info
 
+CommandT = TypeVar("CommandT", bound=msgspec.Struct)
 Limits = dict[str, tuple[float, float]]
 
 _SHOWN_LENGTH = 80
@@ -83,6 +88,77 @@ class CommandInput:
 
     def _find_writer(self) -> tuple[str, str, tuple[str, ...]]:
         return self._loop.parent.find_writer(self._key, self._loop.name)
+
+
+class SimActuator(LifeCycle, Generic[CommandT]):
+    """Writes one input of a plant. Implements `Actuator`.
+
+    Args:
+        plant: the driven plant.
+        input_name: name of the input.
+        command_type: the struct of its commands; made without arguments it must be neutral.
+        limits: lowest and highest value of each field; each number of a list is limited.
+    """
+
+    def __init__(
+        self, plant: Plant, input_name: str, command_type: type[CommandT], limits: dict[str, tuple[float, float]]
+    ) -> None:
+        for name in limits:
+            if name not in command_type.__struct_fields__:
+                raise ParameterError(
+                    f"{command_type.__name__} has no field '{name}'.", fix=suggest(name, command_type.__struct_fields__)
+                )
+        self._plant, self._input = plant, input_name
+        self.command_type: type[CommandT] = command_type
+        self.limits: dict[str, tuple[float, float]] = dict(limits)
+        self.title: str = f"The simulated actuator '{input_name}'"
+
+    def write(self, command: CommandT) -> CommandT:
+        """Apply a command, clamped to the limits, and return it as applied.
+
+        Raises:
+            CommandError: it is not a command of this actuator, or a value is not a finite number. The last applied
+                command stays.
+        """
+        if self.state == "closed":
+            raise DeviceError(f"The simulated actuator '{self._input}' was closed.", fix="open it again.")
+        if type(command) is not self.command_type:
+            expected = self.command_type
+            raise CommandError(
+                f"'{self._input}' takes {expected.__name__}, not {type(command).__name__}.",
+                fix=f"send {expected.__name__}({', '.join(expected.__struct_fields__)}).",
+            )
+        changed: dict[str, Any] = {}
+        for name, (low, high) in self.limits.items():
+            value = getattr(command, name)
+            if type(value) is not float or not low <= value <= high:
+                changed[name] = self._clamp(name, value, low, high)
+        if changed:
+            command = msgspec.structs.replace(command, **changed)
+        self._plant.write(self._input, command)
+        return command
+
+    def _clamp(self, name: str, value: Any, low: float, high: float) -> Any:
+        if isinstance(value, (list, tuple)):
+            return [self._clamp(f"{name}[{i}]", one, low, high) for i, one in enumerate(value)]
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise CommandError(
+                f"{self._input}.{name} must be a finite number, not {value!r}.",
+                fix=f"send a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
+            )
+        return min(high, max(low, value))
+
+    def neutral(self) -> None:
+        """Write the neutral command, also after `close`."""
+        self._plant.write(self._input, self.command_type())
+
+    def on_deactivate(self, reason: str) -> None:
+        """Write the neutral command."""
+        self.neutral()
+
+    def on_close(self) -> None:
+        """Write the neutral command, also if it was never active."""
+        self.neutral()
 
 
 def command_of(data: Any, command_type: type[Any], limits: Limits) -> Any:

@@ -16,8 +16,7 @@ from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.interfaces import implements
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import Page, Task
 
 MAX_STALE_NOTES = 5  # a loose plug is not logged indefinitely
 

@@ -10,8 +10,7 @@ import msgspec
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, SensorLostError
 from snr_sim.prelude.life_cycle import LifeCycle
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import Page, ensure_type_info
 
 _ROUNDING_S = 1e-6
 

@@ -22,8 +22,7 @@ from snr_sim.devices.loops import start_device
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, ParameterError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import Page, Task
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,7 +1,7 @@
-"""Simulated devices: any output of a plant as a Sensor, any input as an Actuator.
+"""Simulated sensors: any output of a plant as a Sensor, with the errors of a real one.
 
-A plant returns true values and applies commands at once. These classes add the errors of real devices: the sensor
-has delay, noise and steps; the actuator has limits. Both use a plant through its interface only.
+A plant returns true values, and is used through its interface only. Errors apply to the true value in this order: bias
+and drift, noise, limits, resolution. `SimSensor` adds delay and rate.
 """
 
 from __future__ import annotations
@@ -9,22 +9,172 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.devices.sensors.sensor_errors import SensorErrorModel, SensorErrors
-from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLostError, suggest
+from snr_sim.prelude.errors import ParameterError, SensorLostError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.plant import Plant
 
 if TYPE_CHECKING:
     import numpy as np
 
-CommandT = TypeVar("CommandT", bound=msgspec.Struct)
-
+SMOOTHNESS = 500.0  # steps of a drifting error within its correlation time: each is 6 % of its sigma
+NOISE_BLOCK = 256  # drawn at once: single draws cost 40 times as much
 SAME_TIME_S = 1e-9  # times closer than this are equal, to allow for rounding
+
+
+@dataclass(frozen=True)
+class BiasDrift:
+    """A slow error: a constant bias, or one that drifts (a Gauss-Markov process of first order).
+
+    Args:
+        sigma: its standard deviation, from the first reading on, in the field's unit.
+        correlation_time_s: time after which it has decayed to 1/e; infinite for a bias that is constant in a run.
+    """
+
+    sigma: float
+    correlation_time_s: float = math.inf
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """Errors of a sensor. Empty: none. Each number of a list has an error of its own.
+
+    Args:
+        noise: standard deviation by field, in the field's unit.
+        resolution: step that values are rounded to, by field.
+        delay_s: how old a reading is when it is read.
+        drift: bias and drift, by field.
+        limits: measuring range, by field.
+        period_s: between two measurements; reading more often returns the same reading again.
+
+    Raises:
+        ParameterError: a number is negative or not finite.
+    """
+
+    noise: dict[str, float] = field(default_factory=dict)
+    resolution: dict[str, float] = field(default_factory=dict)
+    delay_s: float = 0.0
+    drift: dict[str, BiasDrift] = field(default_factory=dict)
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    period_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        sizes = {"delay_s": self.delay_s, "period_s": self.period_s}
+        sizes |= {f"noise of {name}": sigma for name, sigma in self.noise.items()}
+        sizes |= {f"resolution of {name}": step for name, step in self.resolution.items()}
+        sizes |= {f"drift of {name}": drift.sigma for name, drift in self.drift.items()}
+        for what, size in sizes.items():
+            if not 0.0 <= size < math.inf:
+                raise ParameterError(f"The {what} of a sensor must be 0 or more, not {size!r}.", fix="use 0 for none.")
+        for name, drift in self.drift.items():
+            if not drift.correlation_time_s > 0.0:
+                raise ParameterError(
+                    f"The drift of {name} has correlation_time_s={drift.correlation_time_s!r}.",
+                    fix="use a time greater than 0.",
+                )
+        for name, (low, high) in self.limits.items():
+            if not low <= high:
+                raise ParameterError(f"The limits of {name} are ({low!r}, {high!r}).", fix="use (min, max).")
+
+    @property
+    def fields(self) -> set[str]:
+        """All fields with errors."""
+        return {*self.noise, *self.resolution, *self.drift, *self.limits}
+
+
+class SensorErrorModel:
+    """Adds errors to readings of one kind.
+
+    Args:
+        sample: one of them, a msgspec Struct of two fields or more.
+        errors: the errors to add.
+        rng: their random generator.
+        name: of the sensor, for errors.
+
+    Raises:
+        ParameterError: the errors name a field that the readings do not have.
+    """
+
+    def __init__(self, sample: Any, errors: SensorErrors, rng: np.random.Generator, name: str) -> None:
+        fields = sample.__struct_fields__
+        for field_name in errors.fields:
+            if field_name not in fields:
+                raise ParameterError(
+                    f"Readings of '{name}' have no field '{field_name}'.", fix=suggest(field_name, fields)
+                )
+        self._type: type[Any] = type(sample)
+        self._values_of = attrgetter(*fields)
+        self._rng = rng
+        self._noise: list[float] = []
+        self._fields = [
+            _Field(i, getattr(sample, field), field, errors) for i, field in enumerate(fields) if field in errors.fields
+        ]
+        self._draws = sum(part.draws for part in self._fields)  # exact: integers
+
+    def apply(self, reading: Any) -> Any:
+        """Return the reading with errors."""
+        values = list(self._values_of(reading))
+        if len(self._noise) < self._draws:
+            self._noise = self._rng.standard_normal(max(NOISE_BLOCK, self._draws)).tolist() + self._noise
+        draw = self._noise.pop
+        for part in self._fields:
+            value = values[part.index]
+            numbers = value if part.is_list else [value]
+            if part.drift is not None:
+                numbers = part.drift.add_to(numbers, reading.stamp_s, draw)
+            if part.sigma:
+                sigma = part.sigma
+                numbers = [one + sigma * draw() for one in numbers]
+            if part.limits is not None:
+                low, high = part.limits
+                numbers = [low if one < low else high if one > high else one for one in numbers]
+            if part.step:
+                step = part.step
+                numbers = [round(one / step) * step for one in numbers]
+            values[part.index] = numbers if part.is_list else numbers[0]
+        return self._type(*values)
+
+
+class _Field:
+    """Errors of one field of a reading."""
+
+    def __init__(self, index: int, sample: Any, name: str, errors: SensorErrors) -> None:
+        self.index = index
+        self.is_list = isinstance(sample, list)
+        self.sigma = errors.noise.get(name, 0.0)
+        self.step = errors.resolution.get(name, 0.0)
+        self.limits = errors.limits.get(name)
+        drift = errors.drift.get(name)
+        self.drift = _DriftProcess(drift) if drift is not None and drift.sigma else None
+        self.draws = (len(sample) if self.is_list else 1) * ((self.sigma > 0.0) + (self.drift is not None))
+
+
+class _DriftProcess:
+    """A slow error of one field."""
+
+    def __init__(self, drift: BiasDrift) -> None:
+        self._drift = drift
+        self._errors: list[float] = []
+        self._moved_s = 0.0
+        self._step_s = drift.correlation_time_s / SMOOTHNESS
+
+    def add_to(self, values: list[float], stamp_s: float, draw: Callable[[], float]) -> list[float]:
+        """Return the values with the errors at a time."""
+        sigma = self._drift.sigma
+        if not self._errors:
+            self._errors = [sigma * draw() for _ in values]
+            self._moved_s = stamp_s
+        elif stamp_s - self._moved_s >= self._step_s:
+            kept = math.exp((self._moved_s - stamp_s) / self._drift.correlation_time_s)
+            new = sigma * math.sqrt(1.0 - kept * kept)
+            self._errors = [kept * error + new * draw() for error in self._errors]
+            self._moved_s = stamp_s
+        return [value + error for value, error in zip(values, self._errors, strict=True)]
 
 
 def fields_of(kind: type[msgspec.Struct]) -> Callable[[Any], Any]:
@@ -104,74 +254,3 @@ class SimSensor(LifeCycle):
         while len(past) > 1 and past[1].stamp_s <= newest_s:
             past.popleft()
         return past[0]
-
-
-class SimActuator(LifeCycle, Generic[CommandT]):
-    """Writes one input of a plant. Implements `Actuator`.
-
-    Args:
-        plant: the driven plant.
-        input_name: name of the input.
-        command_type: the struct of its commands; made without arguments it must be neutral.
-        limits: lowest and highest value of each field; each number of a list is limited.
-    """
-
-    def __init__(
-        self, plant: Plant, input_name: str, command_type: type[CommandT], limits: dict[str, tuple[float, float]]
-    ) -> None:
-        for name in limits:
-            if name not in command_type.__struct_fields__:
-                raise ParameterError(
-                    f"{command_type.__name__} has no field '{name}'.", fix=suggest(name, command_type.__struct_fields__)
-                )
-        self._plant, self._input = plant, input_name
-        self.command_type: type[CommandT] = command_type
-        self.limits: dict[str, tuple[float, float]] = dict(limits)
-        self.title: str = f"The simulated actuator '{input_name}'"
-
-    def write(self, command: CommandT) -> CommandT:
-        """Apply a command, clamped to the limits, and return it as applied.
-
-        Raises:
-            CommandError: it is not a command of this actuator, or a value is not a finite number. The last applied
-                command stays.
-        """
-        if self.state == "closed":
-            raise DeviceError(f"The simulated actuator '{self._input}' was closed.", fix="open it again.")
-        if type(command) is not self.command_type:
-            expected = self.command_type
-            raise CommandError(
-                f"'{self._input}' takes {expected.__name__}, not {type(command).__name__}.",
-                fix=f"send {expected.__name__}({', '.join(expected.__struct_fields__)}).",
-            )
-        changed: dict[str, Any] = {}
-        for name, (low, high) in self.limits.items():
-            value = getattr(command, name)
-            if type(value) is not float or not low <= value <= high:
-                changed[name] = self._clamp(name, value, low, high)
-        if changed:
-            command = msgspec.structs.replace(command, **changed)
-        self._plant.write(self._input, command)
-        return command
-
-    def _clamp(self, name: str, value: Any, low: float, high: float) -> Any:
-        if isinstance(value, (list, tuple)):
-            return [self._clamp(f"{name}[{i}]", one, low, high) for i, one in enumerate(value)]
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            raise CommandError(
-                f"{self._input}.{name} must be a finite number, not {value!r}.",
-                fix=f"send a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
-            )
-        return min(high, max(low, value))
-
-    def neutral(self) -> None:
-        """Write the neutral command, also after `close`."""
-        self._plant.write(self._input, self.command_type())
-
-    def on_deactivate(self, reason: str) -> None:
-        """Write the neutral command."""
-        self.neutral()
-
-    def on_close(self) -> None:
-        """Write the neutral command, also if it was never active."""
-        self.neutral()

@@ -24,7 +24,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import ParameterError, RecordingError
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 from snr_sim.recording.atomic_files import write_atomic
 
 FORMAT = 1

@@ -21,8 +21,8 @@ from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
-from snr_sim.scenario.controller import call_student
 from snr_sim.scenario.simulation import Request, Simulation, prepare
+from snr_sim.scenario.student_calls import call_student
 
 MAX_START = 2**31 - 1
 OPTIONS = {"start", "factors", "dispersion"}  # of `reset`

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.devices.sensors.sensor_errors import NOISE_BLOCK, SensorErrors
+from snr_sim.devices.simulated import NOISE_BLOCK, SensorErrors
 from snr_sim.prelude.rng import rng_for
 
 Floats = NDArray[np.float64]

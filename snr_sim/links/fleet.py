@@ -30,7 +30,7 @@ from snr_sim.links.link import BEFORE_LOOPS, Link, Transport, link_state
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS
 from snr_sim.links.session import OFFSETS_REMEMBERED
 from snr_sim.links.simulated import Rendezvous
-from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import DataKey, Page
 
 PING_BYTES = 64  # approximate size of a ping on a wire
 MAX_MEMBERS = 1000  # per net; pages of further members are ignored

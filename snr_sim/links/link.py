@@ -21,10 +21,10 @@ from typing import Any, TypeAlias
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentLog
+from snr_sim.core.datastore import LINK_PREFIX
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.page_age import LINK_PREFIX
-from snr_sim.core.page_writers import find_writer
+from snr_sim.core.run_diagnostics import find_writer
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.messages import UNACCEPTABLE
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions
@@ -32,9 +32,8 @@ from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.wire_bounds import encode_page, memory_bytes
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 from snr_sim.prelude.values import LONG_BYTES
 

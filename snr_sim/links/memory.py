@@ -17,8 +17,7 @@ from snr_sim.links.link import BEFORE_LOOPS, UnsendablePages
 from snr_sim.links.wire_bounds import encode_page
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SnrError, UnknownNameError, suggest
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Page, Task
 
 
 class MemoryLink:

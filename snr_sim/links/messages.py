@@ -17,8 +17,7 @@ import msgspec
 from msgspec.structs import replace
 
 from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import Page, ensure_type_info
 from snr_sim.prelude.values import LONG_BYTES, TAG, may_have_tags, no_garbage_collection, untag
 
 PROTOCOL = "snr"

@@ -10,7 +10,7 @@ from snr_sim.links.faults import LinkFaults, invalid_option, is_number
 from snr_sim.links.frames import FRAME_BYTES_LIMIT, MAX_FRAME_BYTES
 from snr_sim.links.send_queue import Policy
 from snr_sim.prelude.errors import ConfigError, ParameterError
-from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import DataKey
 
 MAX_KEY_CHARS = 256
 MAX_KEYS = 1000  # of others, that a link without `accept` takes: each is a page in memory, until the node ends

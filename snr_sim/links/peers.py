@@ -17,7 +17,7 @@ from snr_sim.links.messages import decode_message
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.send_queue import Policy, SendQueue
 from snr_sim.links.session import Session, SessionConfig
-from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import DataKey, Page
 
 SHOWN_KEYS = 5
 

@@ -18,7 +18,7 @@ from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.streams import Streams
 from snr_sim.prelude.errors import LinkError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import DataKey
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

@@ -25,7 +25,7 @@ from snr_sim.links.tcp_client import TcpClient
 from snr_sim.links.tcp_server import TcpServer
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import DataKey
 
 if TYPE_CHECKING:
     import ssl

@@ -13,7 +13,7 @@ import re
 from typing import Any, NoReturn
 
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.task import KINDS, Page
 from snr_sim.prelude.values import MAX_INT, MIN_INT
 
 MAX_DEPTH = 100  # of nested objects and lists, including the message

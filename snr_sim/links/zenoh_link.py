@@ -34,7 +34,7 @@ from snr_sim.links.restarting import BackOff
 from snr_sim.links.send_queue import SendQueue
 from snr_sim.links.wire_bounds import decode_page
 from snr_sim.prelude.errors import LinkError, MissingExtraError, SnrError
-from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import DataKey
 
 HOUSEKEEPING_PERIOD_S = 0.05
 MAX_TIME_BYTES = 32  # maximum length of the reply to a ping

@@ -28,7 +28,7 @@ from snr_sim.links.simulated import Rendezvous
 from snr_sim.links.zenoh_link import ZenohTransport
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.task import DataKey
 
 LOOPBACK_INTERFACES = frozenset({"lo", "lo0"})
 # A remote peer that has not read for this long is sent nothing until it reads again, and misses the pages in between.

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import SomeTasks, Task, TaskName, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskName, TaskType
 
 if TYPE_CHECKING:
     import numpy as np

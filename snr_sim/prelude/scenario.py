@@ -35,9 +35,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.prelude.component import Factory
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.task import Page
 
 if TYPE_CHECKING:
     import numpy as np

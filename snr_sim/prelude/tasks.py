@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.prelude.errors import TaskError
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.retired import Retired
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 
 if TYPE_CHECKING:
     from snr_sim.prelude.component import Factory

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.task import KINDS, Page
 from snr_sim.prelude.values import JSON_ERRORS, decode_value
 from snr_sim.recording.records import (
     BeginRecord,

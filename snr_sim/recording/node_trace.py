@@ -10,9 +10,8 @@ import msgspec
 from msgspec import Raw
 
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.recorder import Handled, TaskRef
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.prelude.values import TAG, encode_value
 from snr_sim.recording.records import (
     MAX_LOG_LINE_CHARS,

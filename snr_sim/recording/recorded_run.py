@@ -10,8 +10,8 @@ import bisect
 from typing import Any
 
 from snr_sim.prelude.errors import PlantError, TraceError, UnknownNameError, ValueEncodingError, suggest
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.task import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import InputRecord, TruthRecord

@@ -6,7 +6,7 @@ from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 
 Point: TypeAlias = tuple[float, float, float]
 Index: TypeAlias = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]

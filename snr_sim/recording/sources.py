@@ -26,7 +26,7 @@ from pathlib import Path
 
 import msgspec
 
-from snr_sim.core.reload.source_files import SUFFIXES, SourceFiles
+from snr_sim.core.reload.sources import SUFFIXES, SourceFiles
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.user_folder import user_folder
 

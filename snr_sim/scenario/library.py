@@ -23,7 +23,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from snr_sim.core.reload.source_files import reading_from, source_files
+from snr_sim.core.reload.sources import reading_from, source_files
 from snr_sim.core.source_location import describe_error, is_student_file, short_path
 from snr_sim.prelude.errors import ConfigError, MissingExtraError, SnrError, UnknownNameError, suggest
 

@@ -18,7 +18,7 @@ from snr_sim.behaviors.endpoint import machine_parts
 from snr_sim.behaviors.imports import MAX_FILES, actions_of, files_named, texts_of
 from snr_sim.behaviors.language import parse
 from snr_sim.behaviors.program import Problem, Program, ProgramError, show_problem
-from snr_sim.core.reload.source_files import source_files
+from snr_sim.core.reload.sources import source_files
 from snr_sim.core.source_location import short_path
 from snr_sim.prelude.errors import ConfigError, SnrError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Executed, InputRecord, PageRecord

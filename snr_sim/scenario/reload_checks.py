@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 from snr_sim.core.node import Node
 from snr_sim.core.source_location import SourceLocation, short_path
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import TaskType
+from snr_sim.prelude.task import Page, TaskType
 from snr_sim.scenario.controller_source import finding, parsed
 from snr_sim.scenario.simulation import Simulation
 from snr_sim.scenario.source_checks import notes_before

@@ -15,9 +15,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-from snr_sim.core.reload.source_files import SourceFiles
+from snr_sim.core.reload.sources import SourceFiles
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.reloads import reload_sources
+from snr_sim.recording.replay import reload_sources
 from snr_sim.recording.sources import KeptFile, RecordedFiles, copy_of, read_kept_files
 from snr_sim.scenario import library
 

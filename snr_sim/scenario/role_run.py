@@ -27,12 +27,13 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.component import PortFactory
 from snr_sim.prelude.errors import ConfigError, LinkError, SnrError
 from snr_sim.prelude.interfaces import implements
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.task import Page
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Simulation
-from snr_sim.scenario.simulation_run import Referee, RunResult, TruthLog, result_of
+from snr_sim.scenario.simulation_run import RunResult, result_of
+from snr_sim.scenario.student_calls import Referee, TruthLog
 
 _CHECK_PERIOD_S = 0.02  # between two checks of the referee
 _TIME_LIMIT = "time limit"

@@ -30,8 +30,8 @@ from snr_sim.recording.reader import read_trace
 from snr_sim.recording.recorded_run import RecordedRun
 from snr_sim.recording.records import Header, TraceInfo, name_of
 from snr_sim.scenario import library
-from snr_sim.scenario.controller import call_student, factories_of
 from snr_sim.scenario.options import check_options
+from snr_sim.scenario.student_calls import call_student, factories_of
 
 
 @dataclass(frozen=True)

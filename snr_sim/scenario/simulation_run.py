@@ -19,17 +19,15 @@ from snr_sim.core.output_recording import record_output
 from snr_sim.core.runners import SimRunner
 from snr_sim.core.source_location import describe_error, find_student_location, short_path
 from snr_sim.plants.stepping import Stepper
-from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ConfigError, SnrError
+from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.task import Task
 from snr_sim.recording.folder import RESULT_SCHEMA
 from snr_sim.recording.trace import TraceWriter
-from snr_sim.scenario.controller import call_student
 from snr_sim.scenario.simulation import Request, Simulation
+from snr_sim.scenario.student_calls import Referee, TruthLog, call_student
 
-_TRUTH_PERIOD_S = 0.0499  # 20 Hz, with a margin for rounding
 AFTER_LOOPS = 1_000_000  # under a SimClock, later than the ticks of all loops that are due at the same time
 
 
@@ -236,54 +234,3 @@ def _metrics(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]
         return metrics, ""
     place = short_path(str(simulation.judge.__file__))
     return {}, f"{place}: metrics(plant, seed) returned {metrics!r}, which is not a dict."
-
-
-class Referee:
-    """Referee that checks the plant at each new instant, and ends every node once there is a verdict."""
-
-    def __init__(self, scenario: Any, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
-        self._judge = scenario.verdict
-        self._place = short_path(str(scenario.__file__))
-        self._plant = plant
-        self._nodes = nodes
-        self._truth = truth
-        self.verdict: Verdict | None = None
-
-    def check(self, time_s: float) -> None:
-        """Ask the scenario for its verdict."""
-        if self.verdict is None:
-            verdict = call_student(self._judge, "verdict(plant)", self._plant)
-            if verdict is not None:
-                if not isinstance(verdict, Verdict):
-                    raise ConfigError(
-                        f"{self._place}: verdict(plant) returned {verdict!r}, which is not a Verdict.",
-                        fix="return Verdict('landed', True), or None while the run continues.",
-                    )
-                self.verdict = verdict
-                if self._truth is not None:
-                    self._truth.record(time_s)  # the evaluated state, before the nodes' last records
-                for node in self._nodes:
-                    node.enqueue_input(tasks.terminate(self.verdict.outcome), "referee")
-
-
-class TruthLog:
-    """Recorder of the plant's true state, at a limited rate.
-
-    It follows the clock and schedules nothing on it: a run must be the same whether it is recorded or not, and an
-    additional instant would split a closed-form step in two.
-    """
-
-    def __init__(self, plant: Plant, recorder: TraceWriter) -> None:
-        self._plant = plant
-        self._recorder = recorder
-        self._due_s = 0.0
-
-    def record_if_due(self, time_s: float) -> None:
-        """Record the state if the period has passed."""
-        if time_s >= self._due_s:
-            self.record(time_s)
-
-    def record(self, time_s: float) -> None:
-        """Record the state now."""
-        self._due_s = time_s + _TRUTH_PERIOD_S
-        self._recorder.truth(time_s, self._plant.truth())

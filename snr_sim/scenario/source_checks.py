@@ -21,8 +21,7 @@ from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.hints import NEAR_ATTRIBUTE, near
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
-from snr_sim.core.page_writers import writers_of
-from snr_sim.core.run_diagnostics import NEXT_LINE, without_handlers
+from snr_sim.core.run_diagnostics import NEXT_LINE, without_handlers, writers_of
 from snr_sim.core.source_location import class_location, location_of, short_path
 from snr_sim.devices.commands import command_of
 from snr_sim.devices.loops import CommandLoop, SensorLoop

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.replayer import TextReplayerFactory as TextReplayerFactory
     from snr_sim.std_mods.slew import SlewRateLimiter as SlewRateLimiter
     from snr_sim.std_mods.slew import approach as approach
-    from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory as StopwatchEndpointFactory
     from snr_sim.std_mods.thrust_curve import ThrustCurve as ThrustCurve
-    from snr_sim.std_mods.timeout import TimeoutLoopFactory as TimeoutLoopFactory
-    from snr_sim.std_mods.timer import Timer as Timer
+    from snr_sim.std_mods.timing import StopwatchEndpointFactory as StopwatchEndpointFactory
+    from snr_sim.std_mods.timing import TimeoutLoopFactory as TimeoutLoopFactory
+    from snr_sim.std_mods.timing import Timer as Timer
 else:
     __all__, __getattr__, __dir__ = lazy_names(__name__, otherwise="snr_sim")

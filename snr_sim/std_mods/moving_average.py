@@ -10,8 +10,7 @@ from typing import Any, TypeAlias
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskId, TaskType
 
 # A number, a list of numbers, or a flat dict of numbers. The shape may not change within a window.
 Sample: TypeAlias = float | Sequence[float] | Mapping[str, float]

@@ -9,8 +9,7 @@ from typing import TextIO
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import Page, SomeTasks, Task, TaskId, TaskType
 
 
 class PrinterEndpointFactory(EndpointFactory):

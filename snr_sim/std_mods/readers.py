@@ -16,8 +16,7 @@ from typing import BinaryIO, Generic, NamedTuple, Self, TypeAlias, TypeVar
 import msgspec
 
 from snr_sim.prelude.errors import RecordingError, ValueEncodingError
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import DataKey, Page, ensure_type_info
 from snr_sim.prelude.values import JSON_ERRORS, TAG
 
 START = "start"

@@ -22,8 +22,7 @@ import msgspec
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.prelude.errors import ConfigError, RecordingError, SnrError, ValueEncodingError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.values import TAG
 from snr_sim.std_mods.readers import START
 

@@ -13,8 +13,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Page, Task
 from snr_sim.std_mods.readers import PageReader, TextReader
 
 ALL_REPLAYED = "replayed"

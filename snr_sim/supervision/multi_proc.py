@@ -35,7 +35,7 @@ from snr_sim.supervision.role_process import RoleRun, run_role
 
 TARGET = "snr_sim.supervision.role_process:run"
 # Time for roles to halt everything: after the request, and after the interrupt. A role that is stuck ends itself before
-# that, and halts its loops: see `core/last_resort.py`.
+# that, and halts its loops: see `core/interrupts.py`.
 GRACE_S = 4.0
 SHORT_GRACE_S = 1.0
 PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."

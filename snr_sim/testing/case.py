@@ -13,9 +13,8 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.node import Node
 from snr_sim.core.runners import TEST_ROLE, TestRunner
-from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.retired import Retired
-from snr_sim.prelude.task import TaskId
+from snr_sim.prelude.task import DataKey, Page, TaskId
 from snr_sim.prelude.values import encode_value
 from snr_sim.testing.expector import Expector, OrderedExpector, TaskExpectations
 

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from snr_sim.devices.simulated import SimActuator
+from snr_sim.devices.commands import SimActuator
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import SensorLostError, UnknownNameError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle

@@ -21,8 +21,8 @@ from snr_sim.behaviors.endpoint import EditAnswer, MachineEndpoint
 from snr_sim.behaviors.interpreter import NS_PER_S
 from snr_sim.behaviors.language import parse
 from snr_sim.behaviors.program import ProgramError
+from snr_sim.core.datastore import page_age_s
 from snr_sim.core.node import Node
-from snr_sim.core.page_age import page_age_s
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.web.explanation import Explanations

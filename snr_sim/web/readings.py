@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Bridge, Drive, Read
-from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import DataKey, Page
 from snr_sim.web.message_parts import Command, Reading, RobotPart
 
 APPLIED = "_applied"  # end of the keys of pages with the result of a command

@@ -18,7 +18,7 @@ import msgspec
 
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.prelude.errors import SnrError, TraceError, UnknownNameError, suggest
-from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import DataKey, Page
 from snr_sim.prelude.values import JSON_ERRORS, decode_value
 from snr_sim.recording.reader import beginning_of
 from snr_sim.recording.records import Header, InputRecord, Line, LogLineRecord, decode_line

@@ -16,7 +16,7 @@ from typing import TypeAlias
 import msgspec
 
 from snr_sim.prelude.errors import SnrError, TraceError
-from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import DataKey, Page
 from snr_sim.prelude.values import JSON_ERRORS, decode_value
 from snr_sim.recording.records import BeginRecord, InputRecord, Line, PageLine, ReturnedTask, TaskLine, decode_line
 

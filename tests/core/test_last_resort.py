@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node
-from snr_sim.core import last_resort
-from snr_sim.core.last_resort import FILES_S, HALT_S, STUCK_S, LastResort, run_in_parallel
+from snr_sim.core import interrupts
+from snr_sim.core.interrupts import FILES_S, HALT_S, STUCK_S, LastResort, run_in_parallel
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
 HERE = Path(__file__).parent
@@ -67,7 +67,7 @@ class Check(LastResort):
     ended_s: float | None = None
 
     def _end_process(self, reason: str, status: int) -> None:
-        self.ended_s = self.ended_s or last_resort.time.monotonic()
+        self.ended_s = self.ended_s or interrupts.time.monotonic()
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def checks(monkeypatch: pytest.MonkeyPatch) -> Callable[[Node, Callable[[float],
         watch = Check([node], 0)
         for moment in range(300):
             now_s = 0.1 * moment
-            monkeypatch.setattr(last_resort.time, "monotonic", partial(float, now_s))
+            monkeypatch.setattr(interrupts.time, "monotonic", partial(float, now_s))
             at(now_s)
             watch.check("SIGTERM", 143)
         return watch.ended_s
@@ -115,5 +115,5 @@ def test_hanging_step_does_not_block_other_steps() -> None:
     def fail() -> None:
         raise ValueError
 
-    run_in_parallel([lambda: last_resort.time.sleep(5.0), fail, lambda: taken.append("neutral")], 0.3)
+    run_in_parallel([lambda: interrupts.time.sleep(5.0), fail, lambda: taken.append("neutral")], 0.3)
     assert taken == ["neutral"]

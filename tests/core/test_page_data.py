@@ -11,7 +11,7 @@ import pytest
 
 from snr_sim import Config, ListReplayerFactory, Node, SimClock, SimRunner, SomeTasks, Task, TaskType, tasks
 from snr_sim.prelude.errors import ComponentFailedError
-from snr_sim.prelude.page import KINDS
+from snr_sim.prelude.task import KINDS
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import EndRecord, PageRecord

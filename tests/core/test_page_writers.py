@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Endpoint, EndpointFactory, Node, Page, SimClock, SomeTasks, Task, TaskType, tasks
-from snr_sim.core.page_writers import writers_of
+from snr_sim.core.run_diagnostics import writers_of
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
 KEY = "rudder"

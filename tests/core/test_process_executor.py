@@ -292,8 +292,7 @@ def test_process_loop_can_be_removed_and_added_again() -> None:
 
     node = run(factory, FunctionEndpointFactory({(TaskType.store_page, "pid"): seen}))
     assert len(set(pids)) == 2
-    core = node.components["node_core"]
-    assert [listeners for listeners in core.store_listeners.values() if listeners] == []  # type: ignore[attr-defined]
+    assert [listeners for listeners in node.datastore.listeners.values() if listeners] == []
 
 
 @pytest.mark.slow

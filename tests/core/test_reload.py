@@ -91,7 +91,7 @@ def run(
     seen: list[Any] = []
     for i, step in enumerate(steps, 1):
         clock.call_at(i * period_s, lambda step=step: node.enqueue_input(step(), "keyboard"))  # type: ignore[misc]
-    node.components["node_core"].store_listeners.setdefault("thrust", []).append(lambda page: seen.append(page.data))  # type: ignore[attr-defined]
+    node.datastore.listeners.setdefault("thrust", []).append(lambda page: seen.append(page.data))  # type: ignore[attr-defined]
     LockStep([node], clock, until_s=until_s).run()
     return node, seen
 

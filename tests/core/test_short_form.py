@@ -30,7 +30,7 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.core.lockstep import LockStep
-from snr_sim.core.page_types import from_page, to_page
+from snr_sim.core.short_form import from_page, to_page
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
@@ -525,9 +525,7 @@ def test_reload_keeps_settings_and_state_of_the_factory_and_takes_the_new_class(
             [(RELOADED, [move]), (changed, [reload, move]), (broken, [reload, move]), (RELOADED, [reload, move])], 1
         ):
             clock.call_at(float(i), step(source, inputs))
-        node.components["node_core"].store_listeners.setdefault("thrust", []).append(
-            lambda page: seen.append(page.data)
-        )  # type: ignore[attr-defined]
+        node.datastore.listeners.setdefault("thrust", []).append(lambda page: seen.append(page.data))  # type: ignore[attr-defined]
         LockStep([node], clock).run()
         assert seen == [[5, 1], [50, 2], [50, 3], [5, 4]]
     finally:

@@ -2,10 +2,12 @@
 
 import pytest
 
-from snr_sim.core.slow_start import REPORT_AFTER_S, REPORT_PERIOD_S, SlowStart
+from snr_sim.core.standstill import REPORT_PERIOD_S, START_REPORT_AFTER_S, SlowStart
 
 
-@pytest.mark.parametrize(("seconds", "count"), [(REPORT_AFTER_S - 1.0, 0), (REPORT_AFTER_S + REPORT_PERIOD_S, 2)])
+@pytest.mark.parametrize(
+    ("seconds", "count"), [(START_REPORT_AFTER_S - 1.0, 0), (START_REPORT_AFTER_S + REPORT_PERIOD_S, 2)]
+)
 def test_code_that_does_not_return_is_reported_with_its_line(seconds: float, count: int) -> None:
     reports: list[str] = []
     now_s = 0.0

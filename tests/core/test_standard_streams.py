@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Config, PrinterEndpointFactory, SynchronousRunner, TaskType, TestRunner, tasks
-from snr_sim.core.left_threads import notes_on_threads
 from snr_sim.core.output_recording import record_output
 from snr_sim.core.standard_streams import print_line
+from snr_sim.core.standstill import notes_on_threads
 from snr_sim.teleop import DisplayFactory
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SomeTasks, Task, TaskType, TimeoutLoopFactory, WallClock, tasks
-from snr_sim.core.executors import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.core.inbox import Inbox
+from snr_sim.core.thread_executor import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.prelude.errors import ComponentFailedError, ParameterError
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 

@@ -114,7 +114,7 @@ def test_removed_loop_listens_no_more() -> None:
     clock = SimClock()
     node = Node("r", Config(factories={"r": [Echo.factory()]}), clock=clock)
     LockStep([node], clock, until_s=0.1).run()
-    assert not any(node._core.store_listeners.values())
+    assert not any(node.datastore.listeners.values())
 
 
 @pytest.mark.slow

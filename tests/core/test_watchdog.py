@@ -13,10 +13,9 @@ import pytest
 
 from snr_sim import Config, Node, SimClock, SimRunner, SynchronousRunner, Task, TaskType, TestRunner, tasks
 from snr_sim.core import watchdog
-from snr_sim.core.last_resort import LastResort
-from snr_sim.core.overload import SAMPLES
+from snr_sim.core.interrupts import LastResort
 from snr_sim.core.standstill import SLOW_CHECKS
-from snr_sim.core.watchdog import CHECK_PERIOD_S, Watchdog
+from snr_sim.core.watchdog import CHECK_PERIOD_S, SAMPLES, Watchdog
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header

@@ -10,7 +10,7 @@ import pytest
 
 from snr_sim.devices.commands import CommandInput, command_of
 from snr_sim.prelude.errors import CommandError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 
 
 class Pwm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -5,8 +5,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.sensors.sensor_errors import SensorErrors
-from snr_sim.devices.simulated import SimActuator, SimSensor
+from snr_sim.devices.commands import SimActuator
+from snr_sim.devices.simulated import SensorErrors, SimSensor
 from snr_sim.prelude.device import Actuator, Sensor
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLostError
 

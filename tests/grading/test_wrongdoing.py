@@ -11,7 +11,7 @@ from snr_sim.grading.sandbox.sandbox import Limits
 
 CONTROLLER = """
 from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Task, TaskType, tasks
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 
 def factories(robot):
     return [MineFactory()]

@@ -8,7 +8,7 @@ import pytest
 
 from snr_sim import LinkFaults, ZenohNet, tasks
 from snr_sim.links.fleet import MAX_KEYS, MAX_MEMBERS, Member, PeerTable
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.testing.function_components import FunctionLoopFactory
 
 from .conftest import simulate, ticks

@@ -19,7 +19,7 @@ from snr_sim.links.messages import decode_message
 from snr_sim.links.session import Session, SessionConfig
 from snr_sim.links.wire_bounds import MAX_DEPTH, MAX_LONG_EXPONENTS, check_bounds, decode_page, encode_page
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.page import KINDS
+from snr_sim.prelude.task import KINDS
 from snr_sim.prelude.values import decode_value
 
 

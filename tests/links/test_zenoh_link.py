@@ -19,7 +19,7 @@ from snr_sim import LinkFaults, TaskType, Tls, ZenohNet
 from snr_sim.links import zenoh_link
 from snr_sim.links.fair_queue import SHARE_BYTES
 from snr_sim.prelude.errors import MissingExtraError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
 from .conftest import free_port

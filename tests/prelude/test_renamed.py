@@ -43,5 +43,11 @@ def test_backing_of_a_class_warns_and_sets_its_executor() -> None:
     assert Other.executor == "thread"
 
 
+def test_page_of_its_former_module_warns() -> None:
+    with pytest.warns(DeprecationWarning, match="prelude.page.Page is now called snr_sim.prelude.task.Page"):
+        from snr_sim.prelude.page import Page
+    assert Page is snr_sim.Page
+
+
 def test_io_mirror_is_loopback() -> None:
     assert str(parse_io("mirror")) == "loopback"

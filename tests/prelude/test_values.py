@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.page import KINDS, Page
-from snr_sim.prelude.snapshot import snapshot
+from snr_sim.prelude.task import KINDS, Page, snapshot
 from snr_sim.prelude.values import MAX_KEYS_PER_HASH, decode_value, encode_value
 
 scalars = st.one_of(

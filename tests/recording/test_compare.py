@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.prelude.values import encode_value
 from snr_sim.recording.compare import Difference, Tolerance, first_difference, only_reordered
 

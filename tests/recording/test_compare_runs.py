@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from snr_sim.prelude.errors import TraceError, UnknownNameError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.recording.compare_runs import SignalComparison, compare_runs, labels_of, shift_by_commands_s
 from snr_sim.recording.compare_signals import dead_band_of, noise_of, step_of
 from snr_sim.recording.reader import Trace

@@ -13,8 +13,7 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.checker import NodeReplay
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
-from snr_sim.recording.reloads import describe_reloads
-from snr_sim.recording.replay import replay_node
+from snr_sim.recording.replay import describe_reloads, replay_node
 from snr_sim.recording.sources import read_kept_files
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.library import load_program

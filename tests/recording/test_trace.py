@@ -20,7 +20,7 @@ import pytest
 from snr_sim import Config, Node, SimClock, SimRunner, TaskType, tasks
 from snr_sim.links.memory import MemoryLink
 from snr_sim.prelude.errors import TraceError
-from snr_sim.prelude.page import KINDS
+from snr_sim.prelude.task import KINDS
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import (

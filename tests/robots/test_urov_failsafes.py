@@ -25,10 +25,9 @@ from snr_sim.plants.stepping import Stepper
 from snr_sim.plants.urov.t200 import MAX_PULSE_US, MIN_PULSE_US
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import RESET, LeakReading
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.scenario import library
 from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory

@@ -12,8 +12,8 @@ from rich.console import Console
 
 from snr_sim import Config, SimRunner, TaskType, TestRunner
 from snr_sim.devices.gamepad import GamepadLoopFactory
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import GamepadReading
+from snr_sim.prelude.task import Page
 from snr_sim.scenario import library
 from snr_sim.teleop.display import table_of
 from snr_sim.teleop.gamepad_pilot import AXIS_COUNT, BUTTON_COUNT

@@ -10,9 +10,8 @@ import pytest
 
 from snr_sim import SimRunner
 from snr_sim.core.config import Config
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import DepthReading, ImuReading, LeakReading, PowerReading
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.scenario import library
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 

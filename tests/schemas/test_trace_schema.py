@@ -14,7 +14,7 @@ import pytest
 from snr_sim import Config, SimClock, SimRunner, TaskType
 from snr_sim.links.memory import MemoryLink
 from snr_sim.prelude.errors import ComponentFailedError, SnrError, ValueEncodingError
-from snr_sim.prelude.page import KINDS
+from snr_sim.prelude.task import KINDS
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import Record, encode_record

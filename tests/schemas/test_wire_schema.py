@@ -23,7 +23,7 @@ from snr_sim.links.frames import LengthPrefixedReader, encode_frame
 from snr_sim.links.messages import decode_message
 from snr_sim.links.session import Session, SessionConfig
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 
 Validator = Callable[..., Callable[[Any], bool]]
 SECRET = b"correct horse battery staple"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, SimClock, SimRunner
-from snr_sim.prelude.page import KINDS
+from snr_sim.prelude.task import KINDS
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord

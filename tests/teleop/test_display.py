@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, TestRunner, TimeoutLoopFactory, tasks
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.teleop.display import DisplayFactory
 from snr_sim.testing.function_components import FunctionLoopFactory
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.recording.columns import Batch
 from snr_sim.recording.records import PageRecord, Record
 from snr_sim.view.picture_tracks import BodyTracks

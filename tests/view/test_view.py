@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from snr_sim.prelude.errors import MissingExtraError, TraceError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.recording.columns import Batch
 from snr_sim.recording.records import (
     BeginRecord,

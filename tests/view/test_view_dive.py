@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.recording.records import Header, PageRecord, Record, TruthRecord
 from snr_sim.recording.scene import TETHER_LINE, tether_frames
 from snr_sim.view.view import write_view

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.recording.columns import Batch
 from snr_sim.recording.records import (
     BeginRecord,

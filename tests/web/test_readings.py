@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from snr_sim.behaviors import Bridge, Drive, Read
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.web.readings import commands_of, pages_of, readings_of, shown
 
 BRIDGE = Bridge(

@@ -12,7 +12,7 @@ import pytest
 from snr_sim import ListReplayerFactory, TimeoutLoopFactory, tasks
 from snr_sim.behaviors import Bridge, MachineFactory, after, machine, machine_parts, parse, state
 from snr_sim.prelude.errors import TraceError, UnknownNameError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import PageRecord

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from snr_sim.prelude.page import Page
+from snr_sim import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.folder import trace_path
 from snr_sim.recording.reader import read_trace

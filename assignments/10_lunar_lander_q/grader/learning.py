@@ -28,7 +28,7 @@ from snr_sim.learning.batch_training import CEILING_M, MAX_STEPS, STEP_S
 from snr_sim.learning.lander_envs import LanderVertical
 from snr_sim.learning.vertical_batch import Floats, Landers, step
 from snr_sim.plants import APOLLO_GEAR
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 
 from .evidence import Evidence, pack_rows, parse_rewards, parse_states
 from .pilot import CRASHED, LANDED, MAX_STATES, TIMEOUT, StudentPolicy

@@ -13,8 +13,7 @@ from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import as_tasks
 from snr_sim.core.source_location import after_line, location_in, location_of
 from snr_sim.prelude.errors import ConfigError, TaskError, UnknownNameError, suggest
-from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Task
 
 if TYPE_CHECKING:
     import numpy as np

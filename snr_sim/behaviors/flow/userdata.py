@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
-from snr_sim.prelude.snapshot import snapshot
+from snr_sim.prelude.task import snapshot
 
 
 def check_known(name: str, known: Collection[str], message: str, listed: str = "one of") -> None:

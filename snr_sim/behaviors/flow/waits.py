@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Task
 
 
 class Preempted(Exception):  # noqa: N818 -- the name in smach; not a failure

@@ -12,8 +12,7 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, ParameterError, TaskError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Page, Task
 
 _ROUNDING_S = 1e-9
 

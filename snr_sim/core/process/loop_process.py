@@ -21,7 +21,6 @@ from typing import Any
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import Datastore
-from snr_sim.core.executors import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.core.inbox import POLL_PERIOD_S, Inbox
 from snr_sim.core.loop import Loop, SetupResult
 from snr_sim.core.node import Node
@@ -30,9 +29,9 @@ from snr_sim.core.process import spawned
 from snr_sim.core.process.factory_pickling import unpickle_factory
 from snr_sim.core.process.messages import MessageLine
 from snr_sim.core.source_location import describe_error
+from snr_sim.core.thread_executor import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import Task
+from snr_sim.prelude.task import DataKey, Page, Task
 
 _COUNTS_PERIOD_S = 0.5
 _ANSWER_TIMEOUT_S = 1.0  # a node that ends does not answer

@@ -21,7 +21,7 @@ import msgspec
 import msgspec.structs
 
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.task import KINDS, Page
 from snr_sim.prelude.values import TAG, decode_value, encode_value
 
 ARRAY_BYTES = "array_bytes"  # tag of an array whose bytes follow

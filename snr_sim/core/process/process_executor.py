@@ -17,16 +17,15 @@ from contextlib import suppress
 from typing import Any
 
 from snr_sim.core.datastore import PREVIOUS
-from snr_sim.core.executors import JOIN_TIMEOUT_S
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process.child_process import ChildProcess, Message
 from snr_sim.core.process.factory_pickling import pickle_factory
 from snr_sim.core.profiler import Timing
 from snr_sim.core.source_location import describe_error
+from snr_sim.core.thread_executor import JOIN_TIMEOUT_S
 from snr_sim.prelude.errors import ComponentFailedError
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 
 TARGET = "snr_sim.core.process.loop_process:run"
 # Extra time for a process to end, compared with a thread: it waits for its own thread, halts the loop from outside if

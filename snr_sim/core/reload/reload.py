@@ -32,8 +32,7 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError, UnknownNameError, suggest
-from snr_sim.prelude.page import DataKey
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskId, TaskType
 
 AnyComponent: TypeAlias = Endpoint | Loop
 T = TypeVar("T")

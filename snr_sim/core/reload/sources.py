@@ -6,7 +6,8 @@ import ast
 import hashlib
 import linecache
 import sys
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from importlib.machinery import ModuleSpec
 from importlib.util import decode_source
@@ -16,9 +17,68 @@ from weakref import WeakKeyDictionary
 
 from snr_sim.core.component import NodeComponent
 from snr_sim.core.factory import ComponentFactory
-from snr_sim.core.reload.source_files import source_files
 from snr_sim.core.source_location import is_student_file
 from snr_sim.prelude.errors import ConfigError
+
+SUFFIXES = (".py", ".lrp")  # of programs: Python, and state machines in text
+
+
+class SourceFiles:
+    """Files on the disk; `reading_from` replaces them by others."""
+
+    @property
+    def recorded(self) -> Sequence[Path]:
+        """Paths of files that are not read from the disk."""
+        return ()
+
+    def is_file(self, path: Path) -> bool:
+        """Return whether the file exists."""
+        return path.is_file()
+
+    def is_dir(self, path: Path) -> bool:
+        """Return whether the folder exists."""
+        return path.is_dir()
+
+    def in_folder(self, folder: Path) -> list[Path]:
+        """Return the programs in a folder, in order; none if it does not exist."""
+        return sorted(path for path in folder.glob("*") if path.suffix in SUFFIXES)
+
+    def read(self, path: Path) -> bytes:
+        """Return the content of a file; raise an OSError if it cannot be read."""
+        return path.read_bytes()
+
+    def check(self, path: Path, source: bytes) -> None:
+        """Raise a SyntaxError that shows the line of this source; Python itself would show the line on the disk."""
+
+    def begin_node(self) -> None:
+        """Set the files to their content at the start of the run, if it was recorded."""
+
+    def begin_task(self, seq: int) -> None:
+        """Set the files to their content at a recorded task, if it was recorded."""
+
+    def close(self) -> None:
+        """Release resources needed only for reading files."""
+
+
+_files = SourceFiles()  # per process, not per context: a student's threads import as well
+
+
+def source_files() -> SourceFiles:
+    """Return the present source of files."""
+    return _files
+
+
+@contextmanager
+def reading_from(files: SourceFiles) -> Iterator[None]:
+    """Read source files from `files` while active."""
+    global _files
+    before, _files = _files, files
+    try:
+        yield
+    finally:
+        _files = before
+        files.close()
+
 
 # Content of a module's file at the first request or the last reload: a process that begins later runs the code of its
 # node, and not a file that is being edited. Stored with the module's spec: `importlib.reload`, as in a notebook, gives

@@ -25,8 +25,8 @@ from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import CLAMPED, AppliedPulses, PwmCommand
+from snr_sim.prelude.task import Page
 
 TIMEOUT_S = 0.75 * LEASE_S  # neutral is sent before a lease expires if the robot is late
 SILENT_S = 1.0  # a robot that is late for so long has failed: outputs are disarmed

@@ -1,4 +1,4 @@
-"""Servo outputs of a simulated vehicle, and real outputs on a bench that drive a simulated vehicle."""
+"""Servo outputs without hardware: of a simulated vehicle, or none; real ones on a bench that drive a simulated one."""
 
 from __future__ import annotations
 
@@ -53,3 +53,14 @@ def drive_plant(
     """
     out.follower = lambda pulses_us: plant.write(input_name, command_of(pulses_us))
     return out
+
+
+class LoopbackPwm(ImmediateArming):
+    """Applies exactly the requested pulses; only its return value shows them."""
+
+    has_independent_failsafe = True
+    title = "The loopback outputs"
+
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, reasons: list[str]) -> list[float]:
+        """Return the pulses unchanged."""
+        return pulses_us

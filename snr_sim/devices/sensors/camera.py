@@ -12,12 +12,11 @@ import numpy as np
 
 from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, NEAREST_M, Image, Point, Rays, intersect_scene
-from snr_sim.devices.sensors.sensor_errors import SensorErrors
-from snr_sim.devices.simulated import SimSensor
+from snr_sim.devices.simulated import SensorErrors, SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import Ball
-from snr_sim.prelude.snapshot import snapshot
+from snr_sim.prelude.task import snapshot
 
 # Axis, right and down of the image, body frame. Looking down, the top of the image is ahead.
 DIRECTIONS = {

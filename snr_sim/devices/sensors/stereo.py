@@ -10,8 +10,7 @@ import numpy as np
 
 from snr_sim.devices.sensors.camera import Camera
 from snr_sim.devices.sensors.ray_casting import Image
-from snr_sim.devices.sensors.sensor_errors import SensorErrors
-from snr_sim.devices.simulated import SimSensor
+from snr_sim.devices.simulated import SensorErrors, SimSensor
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 

@@ -14,7 +14,7 @@ import msgspec
 
 from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote import protocol
-from snr_sim.prelude.structs import ensure_type_info
+from snr_sim.prelude.task import ensure_type_info
 from snr_sim.prelude.values import may_have_tags
 
 MAX_NUMBER = 1e12  # a larger number is not a measurement, and overflows in later arithmetic

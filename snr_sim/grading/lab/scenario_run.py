@@ -19,9 +19,8 @@ from snr_sim.grading.lab.verdicts import ENDED_EARLY, GraderError, InconclusiveE
 from snr_sim.grading.remote.protocol import SUBMISSION
 from snr_sim.grading.remote.remote import Remote
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.folder import write_result
 from snr_sim.recording.reader import Trace, read_trace

@@ -19,10 +19,9 @@ from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, GraderError, SubmissionError
 from snr_sim.grading.remote.remote import Remote
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.recorder import Handled, TaskRef
 from snr_sim.prelude.scenario import RobotInfo
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.scenario import library
 
 GIVEN = "given"  # source of inputs, in a trace

@@ -17,10 +17,9 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.clocks import SimClock
+from snr_sim.core.clocks import ClockExecutor, SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.executors import ClockExecutor
 from snr_sim.core.handlers import as_tasks, handler_name, schedule_returned
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.machine import EventMachine
@@ -32,11 +31,10 @@ from snr_sim.grading.remote.child_values import plain
 from snr_sim.grading.sandbox.child_limits import CpuTimeExceeded
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.prelude.values import encode_value
 from snr_sim.scenario import library
-from snr_sim.scenario.controller import factories_of
+from snr_sim.scenario.student_calls import factories_of
 
 MAX_OUTPUT_CHARS = 100_000  # of the output and logs of one step
 _STEPS_WITH_TASKS = ("begin", "setup", "loop")
@@ -169,7 +167,7 @@ class ChildNode(Node):
         self.machine.now_s = do.now_s
         for raw in do.pages:
             self.datastore.put(self._typed.decode_page(bytes(raw)))
-        self._core.received_s.update(do.came_s)
+        self.datastore.received_s.update(do.came_s)
 
     def _with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
         """Return a task with the page that it carries in the grader's node, see `Handle`."""
@@ -178,7 +176,7 @@ class ChildNode(Node):
         if not processed:
             return Task(task.type, task.name, [self.datastore.pages[task.name]])
         page, *before = (self._typed.decode_page(bytes(raw)) for raw in processed)
-        self._core.await_processing(page, before[0] if before else None)
+        self._storage.await_processing(page, before[0] if before else None)
         return Task(task.type, task.name, [page])
 
     def handle(self, do: protocol.Handle) -> protocol.HandleResult:

@@ -33,9 +33,8 @@ from snr_sim.grading.remote.task_filter import TaskFilter
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import RobotInfo
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
+from snr_sim.prelude.task import Page, SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
 from snr_sim.scenario import library
 
 STEP_CPU_S = 5.0  # for one handler, or one step of a component's life

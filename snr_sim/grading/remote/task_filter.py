@@ -15,8 +15,7 @@ from snr_sim.core.node import Node
 from snr_sim.grading.remote.protocol import ComponentInfo
 from snr_sim.prelude import tasks as kit_tasks
 from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 
 MAX_TASKS_AT_ONE_MOMENT = 10_000
 MAX_TASKS_PER_RUN = 500_000  # a controller of the course's robots sets off ten thousand in a minute

@@ -1,4 +1,7 @@
-"""Calls of the functions in a controller's file; errors in them are reported with the student's line first."""
+"""Calls of the functions in students' files: a controller's factories, a scenario's verdict at each new instant.
+
+Errors in them are reported with the student's line first.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,15 @@ from snr_sim.core.config import AnyFactory
 from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.factory import FactoryOfClass
 from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
 from snr_sim.core.source_location import describe_error, location_of, prepend_location, short_path, without_addresses
+from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, SnrError
-from snr_sim.prelude.scenario import RobotInfo
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.scenario import RobotInfo, Verdict
+from snr_sim.recording.trace import TraceWriter
+
+_TRUTH_PERIOD_S = 0.0499  # 20 Hz, with a margin for rounding
 
 
 def factories_of(controller: ModuleType, robot: RobotInfo) -> list[AnyFactory]:
@@ -87,3 +96,54 @@ def _check_arity(function: Callable[..., Any], name: str, args: Sequence[Any]) -
         raise ConfigError(
             f"{where}{takes} is called with {len(args)} argument(s): {name}.", fix=f"def {name}:"
         ) from None
+
+
+class Referee:
+    """Referee that checks the plant at each new instant, and ends every node once there is a verdict."""
+
+    def __init__(self, scenario: Any, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
+        self._judge = scenario.verdict
+        self._place = short_path(str(scenario.__file__))
+        self._plant = plant
+        self._nodes = nodes
+        self._truth = truth
+        self.verdict: Verdict | None = None
+
+    def check(self, time_s: float) -> None:
+        """Ask the scenario for its verdict."""
+        if self.verdict is None:
+            verdict = call_student(self._judge, "verdict(plant)", self._plant)
+            if verdict is not None:
+                if not isinstance(verdict, Verdict):
+                    raise ConfigError(
+                        f"{self._place}: verdict(plant) returned {verdict!r}, which is not a Verdict.",
+                        fix="return Verdict('landed', True), or None while the run continues.",
+                    )
+                self.verdict = verdict
+                if self._truth is not None:
+                    self._truth.record(time_s)  # the evaluated state, before the nodes' last records
+                for node in self._nodes:
+                    node.enqueue_input(tasks.terminate(self.verdict.outcome), "referee")
+
+
+class TruthLog:
+    """Recorder of the plant's true state, at a limited rate.
+
+    It follows the clock and schedules nothing on it: a run must be the same whether it is recorded or not, and an
+    additional instant would split a closed-form step in two.
+    """
+
+    def __init__(self, plant: Plant, recorder: TraceWriter) -> None:
+        self._plant = plant
+        self._recorder = recorder
+        self._due_s = 0.0
+
+    def record_if_due(self, time_s: float) -> None:
+        """Record the state if the period has passed."""
+        if time_s >= self._due_s:
+            self.record(time_s)
+
+    def record(self, time_s: float) -> None:
+        """Record the state now."""
+        self._due_s = time_s + _TRUTH_PERIOD_S
+        self._recorder.truth(time_s, self._plant.truth())
