@@ -190,7 +190,9 @@ class Streams(Transport):
             self._watch(stream)
 
     def _pump_all(self) -> None:
-        for stream in list(self.streams):
+        """Pump the streams that have something to do; most have nothing, each round."""
+        now_s = self.now_s()
+        for stream in [stream for stream in self.streams if stream.needs_pump(now_s)]:
             self._for(stream, self._pump)
 
     def _serve(self, stream: StreamPeer, events: int) -> None:
