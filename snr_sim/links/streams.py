@@ -107,8 +107,9 @@ class Streams(Transport):
             now_s = now()
             until_s = self._until_s(now_s)
             events = select(max(0.0, until_s - now_s))
-            with self.lock:
-                self._act_on(events)
+            if events or self._half_read:
+                with self.lock:
+                    self._act_on(events)
             if not events or now_s >= until_s or not self.link.has_few_tasks():
                 break
         with self.lock:

@@ -24,17 +24,11 @@ from .simulated_network import HERE, Network, SimSocket, SimTime, failure
 STEPS = 120
 SENT = "x" * 20_000  # every page is a part of it
 SETTLED_S = 60.0  # simulated time in which an honest client has to be served again
+RETRY_S = 0.1  # simulated time between two pages for it: links wait for seconds before they call again
 SECRET = "a secret of 16 bytes or more"
-STRANGE = [
-    *(
-        encode_message(HelloMessage("snr", 2, "x", "0" * 32, "pages", has_secret, 1 << 20))
-        for has_secret in (True, False)
-    ),
-    encode_message(Auth("0" * 64)),
-    encode_message(Ping(1.0)),
-    encode_message(Bye("x")),
-    b"[" * 1000,
-]
+HELLOS = [HelloMessage("snr", 2, "x", "0" * 32, "pages", has_secret, 1 << 20) for has_secret in (True, False)]
+STRANGE = [encode_frame(encode_message(one)) for one in (*HELLOS, Auth("0" * 64), Ping(1.0), Bye("x"))]
+STRANGE.append(encode_frame(b"[" * 1000))
 LINK = "link_t"
 
 
@@ -129,7 +123,7 @@ class History:
 
     def send(self) -> None:
         for sock in self.rng.sample(self.attackers, min(len(self.attackers), 5)):
-            data = b"".join(encode_frame(self.rng.choice(STRANGE)) for _ in range(self.rng.randrange(1, 4)))
+            data = b"".join(self.rng.choices(STRANGE, k=self.rng.randrange(1, 4)))
             with suppress(OSError):
                 sock.send(data if self.rng.random() < 0.7 else self.rng.randbytes(20))
 
@@ -189,6 +183,7 @@ class History:
             self.operator.store_data("stick", self.mark)
             self.rounds(4)
             is_served = self.robot.get_data("stick") == self.operator.get_data("depth") == self.mark
+            self.network.now_s += RETRY_S
         for node in self.nodes:
             self.check_known(node)
 
