@@ -125,7 +125,8 @@ class Streams(Transport):
                 key.data(mask)
         for stream in self._half_read:
             ready[stream] = ready.get(stream, 0) | selectors.EVENT_READ
-        self._in_turn(list(ready), lambda stream: self._for(stream, self._serve, ready[stream]))
+        if ready:
+            self._in_turn(list(ready), lambda stream: self._for(stream, self._serve, ready[stream]))
 
     def _in_turn(self, streams: list[StreamPeer], act: Callable[[StreamPeer], object]) -> None:
         """Act on each stream once, in the order of time used lately, least first, until the time of a round is over."""

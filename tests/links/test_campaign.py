@@ -181,7 +181,7 @@ class History:
             self.mark += 1
             self.robot.store_data("depth", self.mark)
             self.operator.store_data("stick", self.mark)
-            self.rounds(4)
+            self.rounds(2)
             is_served = self.robot.get_data("stick") == self.operator.get_data("depth") == self.mark
             self.network.now_s += RETRY_S
         for node in self.nodes:
