@@ -16,8 +16,8 @@ from snr_sim.prelude.errors import ConfigError, MissingExtraError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.web.access import Access
 from snr_sim.web.live_machine import LiveMachine
-from snr_sim.web.machine_page import MachinePage
 from snr_sim.web.moments import MAX_MOMENTS
+from snr_sim.web.session import MachinePage
 from snr_sim.web.timeline import PAGE_SOURCE
 
 
