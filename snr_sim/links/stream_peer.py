@@ -113,7 +113,7 @@ class StreamPeer(Peer):
             self.fail(error)
 
     def _write_some(self) -> bool:
-        """Write once; return whether there was something to write."""
+        """Write once; return whether there is more to write."""
         with self._sending:
             if not len(self._cut_off):
                 if self._control:
@@ -125,7 +125,7 @@ class StreamPeer(Peer):
                     return False
                 self._cut_off = memoryview(b"".join(map(self.session.seal, frames)))
             self._cut_off = self._cut_off[self.port.write(self._cut_off) :]
-            return True
+            return bool(len(self._cut_off) or self._control or len(self.queue))
 
     def end_writing(self) -> None:
         """Signal the end of the stream to the peer, once."""

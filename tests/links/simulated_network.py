@@ -252,7 +252,8 @@ class SimSelector(selectors.SelectSelector):
             for descriptor, (key, sock) in self.known.items()
             if open_now.get(descriptor) is sock and (events := key.events & sock.ready)
         ]
-        self.network.rng.shuffle(ready)
+        if len(ready) > 1:
+            self.network.rng.shuffle(ready)
         idle_s = min(timeout or 0.0, self.network.max_wait_s)
         self.network.pass_time(SELECT_S if ready else max(SELECT_S, idle_s))
         return ready
