@@ -30,7 +30,7 @@ from snr_sim import Page
 from snr_sim.behaviors.language import parse as parse_lrp
 from snr_sim.cli.trace import trace as snr_trace
 from snr_sim.console.commands import TABLE
-from snr_sim.console.table import parse as parse_command
+from snr_sim.console.parsing import parse as parse_command
 from snr_sim.console.wire import decode_request, decode_response
 from snr_sim.devices.wire import lease_messages, mcu_frames, mcu_messages
 from snr_sim.devices.wire.nmea import NmeaLines, checksum

@@ -16,7 +16,7 @@ from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
     from snr_sim.console.client import ConsoleClient
-    from snr_sim.console.table import CommandResult
+    from snr_sim.console.parsing import CommandResult
 
 _TOKEN_VARIABLE = "SNR_TOKEN"
 

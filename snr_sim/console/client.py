@@ -9,8 +9,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from snr_sim.console.parsing import MAX_LINE_CHARS
-from snr_sim.console.table import CommandResult
+from snr_sim.console.parsing import MAX_LINE_CHARS, CommandResult
 from snr_sim.console.wire import (
     PURPOSE,
     SECRET_IS,

@@ -1,31 +1,39 @@
-"""CommandReceiver: serves consoles over TCP, several at a time, on a thread of the node.
-
-It speaks the links' protocol with another purpose, in asyncio streams on a separate thread, and is not a link: it uses
-wall time in lock step too, because a person does not type in virtual time, so it adds no moments to a run; and the
-node's thread does not read commands.
-"""
+"""CommandReceiver: serves consoles over TCP, several at a time, by the links' protocol with another purpose."""
 
 from __future__ import annotations
 
 import asyncio
 import time
-from contextlib import ExitStack, suppress
+from collections import deque
+from contextlib import suppress
 from typing import NamedTuple
 
 from snr_sim.console.commands import TABLE
-from snr_sim.console.protocol import LINES_AT_ONCE, LINES_PER_S, ConsoleProtocol
+from snr_sim.console.parsing import CommandResult
 from snr_sim.console.session import ConsoleSession
-from snr_sim.console.wire import DEFAULT_PORT, MAX_LINE_FRAME_BYTES, PURPOSE, READ_BYTES, SECRET_IS, read_for
-from snr_sim.core.node import Node
+from snr_sim.console.wire import (
+    DEFAULT_PORT,
+    MAX_LINE_FRAME_BYTES,
+    PURPOSE,
+    READ_BYTES,
+    SECRET_IS,
+    CommandMessage,
+    CompleteMessage,
+    decode_request,
+    encode_completions,
+    encode_reply,
+    read_for,
+)
 from snr_sim.links.newcomers import Newcomers, largest_group, source_of
-from snr_sim.links.restarting import RestartingLoop
-from snr_sim.links.security import as_secret, is_loopback
+from snr_sim.links.server_loop import ServerLoop, ServerLoopFactory
+from snr_sim.links.session import Session as WireSession
 from snr_sim.links.session import SessionConfig
-from snr_sim.links.socket_port import Address, ListenerFactory
 from snr_sim.links.token_bucket import TokenBucket
-from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 
+MAX_OUTPUT_BYTES = 1 << 17  # from this size on, no lines are answered and no bytes read until the console has read
+LINES_PER_S = 500.0  # of all consoles together: limits their load on the node's computer
+LINES_AT_ONCE = 100.0
 MAX_CONSOLES = 8
 MAX_UNAUTHENTICATED = 16  # connections that are not authenticated as consoles yet
 # A client that sends without end is read so slowly that it costs the node a few per cent of a core.
@@ -39,7 +47,7 @@ LINGER_S = 0.2  # maximum time in which a closing node sends the last answers
 HANG_UP_S = 0.5  # maximum wait for the other end to close a connection that is over
 
 
-class CommandReceiverFactory(ListenerFactory):
+class CommandReceiverFactory(ServerLoopFactory):
     """Makes a loop that lets consoles connect to the node: `snr console HOST:PORT`, or a RemoteConsole.
 
     Args:
@@ -60,23 +68,94 @@ class CommandReceiverFactory(ListenerFactory):
         token: str | bytes | None = None,
         name: str = "console",
     ) -> None:
-        super().__init__(Address(host, port), "A console")
-        if not (isinstance(port, int) and 0 <= port < 1 << 16):
-            raise ConfigError(
-                f"{port!r} is not a valid port of a console.",
-                fix="use a number from 1024 to 65535, or 0 for a free one.",
-            )
-        self.token: bytes | None = as_secret(token, "token=")
-        if self.token is None and not is_loopback(host):
-            raise ConfigError(
-                f"A console on {host} needs a token: without it, any computer in that network could steer this node.",
-                fix='token=secret_from_file("token.txt") here, and --token-file token.txt for `snr console`.',
-            )
-        self.name = name
+        fix = 'token=secret_from_file("token.txt") here, and --token-file token.txt for `snr console`.'
+        super().__init__(port, host, token, name, who="A console", token_fix=fix)
 
     def get(self, parent: NodeApi) -> CommandReceiver:
         """Return the loop."""
-        return CommandReceiver(self, parent, self.name)
+        return CommandReceiver(self, parent)
+
+
+class ConsoleProtocol:
+    """A node's end of the connection to one console: bytes and time in, bytes out. Shares the token bucket with others.
+
+    All its parts are bounded: received bytes that are not decoded yet, command lines that wait, answers that are not
+    read.
+    """
+
+    def __init__(self, config: SessionConfig, session: ConsoleSession, now_s: float, token_bucket: TokenBucket) -> None:
+        self.wire: WireSession = WireSession(config, now_s, decode_request)
+        self.output: bytearray = bytearray()
+        self.session: ConsoleSession = session
+        self._token_bucket = token_bucket
+        self._waiting_number = 0  # of the command whose result is not known yet
+        self._requests: deque[CommandMessage | CompleteMessage] = deque()
+        self._flush()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more is to be read; `output` may still have to be sent."""
+        return self.wire.is_closed
+
+    @property
+    def wants_bytes(self) -> bool:
+        """Whether all earlier data is handled and the console has read the answers."""
+        return not (self._requests or self.is_over or len(self.output) > MAX_OUTPUT_BYTES)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether there is work as soon as the token bucket permits."""
+        return bool(self._requests) and len(self.output) <= MAX_OUTPUT_BYTES and not self.session.is_waiting
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Handle received bytes."""
+        self._requests += self.wire.receive(data, now_s)
+        self._flush()
+
+    def work(self, now_s: float) -> None:
+        """Answer waiting lines, show watched pages that have changed, and do periodic work."""
+        outcome = self.session.outcome(now_s)
+        if outcome is not None:
+            self._send(encode_reply(self._waiting_number, outcome))
+        while self.is_busy and not self.is_over and self._token_bucket.take(now_s):
+            self._answer(self._requests.popleft())
+        if self._requests and len(self.output) <= MAX_OUTPUT_BYTES:
+            self.wire.reset_idle_timer(now_s)  # this end does not read, so it cannot notice a silent console
+        if self.wire.is_up and len(self.output) <= MAX_OUTPUT_BYTES:
+            for answer in self.session.changes(now_s):
+                self._send(encode_reply(0, answer))
+        self.wire.tick(now_s)
+        self._flush()
+
+    def end(self, reason: str) -> None:
+        """Send the goodbye message; a client that waits for a command's result is notified that none will arrive."""
+        if self.wire.is_up and self.session.is_waiting:
+            text = f"The connection closes before the command has a result: {reason} Try: dump, on a new connection."
+            self._send(encode_reply(self._waiting_number, CommandResult(text, is_error=True)))
+        self.wire.bye(reason)
+        self._flush()
+
+    def refuse(self, reason: str) -> None:
+        """End the connection as rejected, with a reason."""
+        self.wire.refuse(reason)
+        self._flush()
+
+    def _answer(self, request: CommandMessage | CompleteMessage) -> None:
+        if isinstance(request, CommandMessage):
+            answer = self.session.execute(request.line)
+            if self.session.is_waiting:
+                self._waiting_number = request.number
+            else:
+                self._send(encode_reply(request.number, answer))
+        else:
+            self._send(encode_completions(request.number, self.session.complete(request.line)))
+
+    def _flush(self) -> None:
+        for frame in self.wire.take_output():
+            self._send(frame)
+
+    def _send(self, frame: bytes) -> None:
+        self.output += self.wire.seal(frame)
 
 
 class ConsoleConnection(NamedTuple):
@@ -100,16 +179,14 @@ class ConsoleConnection(NamedTuple):
             output.clear()
 
 
-class CommandReceiver(RestartingLoop):
-    """Loop on a thread of its own, in lock step too: consoles run in real time, and add no events to virtual time."""
+class CommandReceiver(ServerLoop):
+    """Loop that serves consoles."""
 
     factory: CommandReceiverFactory
-    parent: Node
     is_reloaded_with_all = False
 
-    def __init__(self, factory: CommandReceiverFactory, parent: NodeApi, name: str) -> None:
-        assert isinstance(parent, Node)  # never in a loop's process, since its executor is a thread
-        super().__init__(factory, parent, name, max_tick_rate_hz=0)
+    def __init__(self, factory: CommandReceiverFactory, parent: NodeApi) -> None:
+        super().__init__(factory, parent)
         self._config = SessionConfig(
             parent.name,
             is_server=True,
@@ -122,48 +199,13 @@ class CommandReceiver(RestartingLoop):
         self._token_bucket = TokenBucket(LINES_PER_S, LINES_AT_ONCE)
         self._newcomers = Newcomers()
         self._connections: list[ConsoleConnection] = []
-        self._ending = asyncio.Event()  # set when consoles are no longer to be served
-        self._events: asyncio.AbstractEventLoop | None = None
         self._forged = 0  # connections whose data was changed between the two ends
 
-    def begin(self) -> None:
-        """Listen, and start the thread.
-
-        Raises:
-            LinkError: the port is taken, or the host is not this machine.
-        """
-        self._open()
-        self.parent.start_loop(self, on_thread=True)
-
-    def _open_ports(self, ports: ExitStack) -> None:
-        self._sock = self.factory.listener()
-        ports.callback(self._sock.close)
-
-    def stop(self) -> None:
-        """Request the end of the loop; return at once, also when called from another thread."""
-        super().stop()
-        if self._events is not None:
-            with suppress(RuntimeError):  # it has already ended
-                self._events.call_soon_threadsafe(self._ending.set)
-
-    def join(self) -> None:
-        """Stop, and return once consoles have received the goodbye, or after the time limit."""
-        self.stop()
-        super().join()
-
-    def _round(self) -> None:
-        """Serve consoles until the loop is stopped."""
-        asyncio.run(self._serve())
-
     async def _serve(self) -> None:
-        self._ending = asyncio.Event()
-        self._events = events = asyncio.get_running_loop()
         # For errors of asyncio itself, for example no descriptor left to accept a connection; it retries by itself.
-        events.set_exception_handler(
+        asyncio.get_running_loop().set_exception_handler(
             lambda _, about: self.log.warning("%s: %s", about["message"], about.get("exception"))
         )
-        if self.is_terminated():  # before there was a task to cancel
-            return
         server = await asyncio.start_server(self._on_connection, sock=self._sock, limit=READ_BYTES)
         await self._ending.wait()
         server.close()

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from snr_sim.console import introspection
 from snr_sim.console.formatting import format_short, truncate, truncate_value
-from snr_sim.console.parsing import ConsoleCommandError, quote
+from snr_sim.console.parsing import Argument, CommandResult, CommandSpec, ConsoleCommandError, Given, help_text, quote
 from snr_sim.console.session import ConsoleSession
-from snr_sim.console.table import Argument, CommandResult, CommandSpec, Given, help_text
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.node import Node
 from snr_sim.prelude import tasks

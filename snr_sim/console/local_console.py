@@ -14,9 +14,8 @@ from queue import Empty, SimpleQueue
 from typing import TextIO
 
 from snr_sim.console.commands import TABLE
-from snr_sim.console.parsing import MAX_LINE_CHARS
+from snr_sim.console.parsing import MAX_LINE_CHARS, CommandResult
 from snr_sim.console.session import ConsoleSession
-from snr_sim.console.table import CommandResult
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError

@@ -1,16 +1,25 @@
-"""Parser of lines into words and values. Values are JSON of bounded depth; nothing is evaluated as code."""
+"""Commands of a console: a table, and the parser of a line. Help and completion of a command derive from its row.
+
+Values are JSON of bounded depth; nothing is evaluated as code. The parser is ours. typer carries a private copy of
+click, so click is not a dependency; and it rejects the event of `task start`, where the type is omitted, as an invalid
+type. rich needs 2.7 ms for a table of 20 rows, ours 0.04 ms, on the computer that steers the robot.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, TypeAlias
 
 import msgspec
 
-from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.values import MAX_INT, MIN_INT
 
 MAX_LINE_CHARS = 16 * 1024
 MAX_NAME_CHARS = 200
+MAX_COMPLETIONS = 200
 MAX_DEPTH = 32  # of values: deeper nesting is unreadable, and can break recorders and links
 
 _decode = msgspec.json.Decoder().decode
@@ -100,3 +109,149 @@ def quote(text: str, limit: int = 80) -> str:
     """Return text in quotes, truncated if it is long, with unprintable characters escaped."""
     cut = text[:limit]
     return (f"'{cut}'" if cut.isprintable() else ascii(cut)) + ("..." if len(text) > limit else "")
+
+
+class CommandResult(msgspec.Struct, frozen=True):
+    """Result of a command."""
+
+    text: str  # for a user
+    data: Any = None  # the same for a program: plain values, bounded
+    is_error: bool = False  # the command was rejected; `text` contains the reason
+    about: str = ""  # key of the watched page for which this answer was sent without a command
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument of a command."""
+
+    name: str  # as shown in the help; capitals, or the words to choose from
+    kind: str = "name"  # 'name' is a word, 'value' is JSON, 'text' is the unchanged rest of the line
+    is_optional: bool = False
+    is_many: bool = False  # takes all remaining words
+    choices: tuple[str, ...] = ()  # the only valid words; if it is optional, any other word means that it was omitted
+    known: Callable[[Any], Iterable[str]] = lambda node: ()  # returns a node's names for completion
+
+    @property
+    def usage(self) -> str:
+        """Text in the help."""
+        shown_name = f"{self.name}..." if self.is_many else self.name
+        return f"[{shown_name}]" if self.is_optional else shown_name
+
+
+Given: TypeAlias = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class CommandSpec:
+    """A row of the table: name, arguments and purpose of a command, and its function on a console's session."""
+
+    name: str
+    arguments: tuple[Argument, ...]
+    help: str
+    run: Callable[[Any, Given], CommandResult]
+
+    @property
+    def usage(self) -> str:
+        """Syntax of the command."""
+        return " ".join([self.name, *(argument.usage for argument in self.arguments)])
+
+
+Table: TypeAlias = Mapping[str, CommandSpec]
+
+
+def parse(table: Table, line: str) -> tuple[CommandSpec, dict[str, Any]]:
+    """Return the command of a line, and its arguments by name.
+
+    Raises:
+        ConsoleCommandError: the command is unknown, or its arguments are invalid.
+    """
+    words = split_line(line)
+    if not words:
+        raise ConsoleCommandError("An empty line is not a command.", fix="help lists the commands.")
+    command = table.get(words[0])
+    if command is None:
+        raise ConsoleCommandError(
+            f"There is no command {quote(words[0])}.", fix=suggest(words[0][:MAX_NAME_CHARS], table)
+        )
+    try:
+        return command, _arguments(command, words[1:])
+    except ConsoleCommandError:
+        _check_misspelt(command, words[1:])
+        raise
+
+
+def _arguments(command: CommandSpec, words: list[str]) -> dict[str, Any]:
+    given: dict[str, Any] = {}
+    for argument in command.arguments:
+        if argument.is_many or argument.kind == "text":
+            given[argument.name] = _rest(argument, words)
+            words = []
+        elif words and not (argument.is_optional and argument.choices and words[0] not in argument.choices):
+            given[argument.name] = _one(argument, words[0])
+            words = words[1:]
+        elif not argument.is_optional:
+            raise ConsoleCommandError(f"'{command.name}' needs {argument.name}.", fix=command.usage)
+    if words:
+        choices = command.arguments[-1].choices if command.arguments[-1].name not in given else ()
+        fix = suggest(words[0][:MAX_NAME_CHARS], choices) if choices else command.usage
+        raise ConsoleCommandError(f"'{command.name}' does not take {quote(words[0])}.", fix=fix)
+    return given
+
+
+def _check_misspelt(command: CommandSpec, words: list[str]) -> None:
+    """Raise ConsoleCommandError if a line is invalid because its first word is a misspelt optional choice."""
+    first = command.arguments[0]
+    if words and first.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], first.choices, 1, 0.7):
+        _one(first, words[0])
+
+
+def _rest(argument: Argument, words: Sequence[str]) -> Any:
+    if argument.kind == "text":
+        return parse_name(" ".join(words), argument.name) if words else ""
+    return [_one(argument, word) for word in words]
+
+
+def _one(argument: Argument, word: str) -> Any:
+    if argument.kind == "value":
+        return parse_value(word)
+    name = parse_name(word, argument.name)
+    if argument.choices and name not in argument.choices:
+        raise ConsoleCommandError(f"{quote(name)} is not a valid {argument.name}.", fix=suggest(name, argument.choices))
+    return name
+
+
+def help_text(table: Table) -> str:
+    """Return a line for each command."""
+    width = max(len(command.usage) for command in table.values())
+    return "\n".join(f"{command.usage:<{width}}  {command.help}" for command in table.values())
+
+
+def completions(table: Table, line: str, node: Any) -> list[str]:
+    """Return the words that can replace the incomplete last word of the line."""
+    words = line.split()
+    begun = words.pop() if words and not line[-1].isspace() else ""
+    if not words:
+        candidates: Iterable[str] = table
+    else:
+        command = table.get(words[0])
+        candidates = _candidates(command.arguments, words[1:], node) if command is not None else ()
+    found = sorted({word for word in candidates if word.startswith(begun)})
+    return found[:MAX_COMPLETIONS]
+
+
+def _candidates(arguments: Sequence[Argument], words: Sequence[str], node: Any) -> list[str]:
+    """Return what can follow `words`: for this argument, and for the next if this one is optional."""
+    left = list(words)
+    found: list[str] = []
+    for argument in arguments:
+        is_left_out = argument.is_optional and argument.choices and not (left and left[0] in argument.choices)
+        if left and not is_left_out:
+            left = left if argument.is_many else left[1:]
+            continue
+        if left:
+            continue
+        found += argument.choices
+        found += argument.known(node)
+        if not is_left_out:
+            break
+    return found

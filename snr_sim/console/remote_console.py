@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from snr_sim.console.client import ConsoleClient
-from snr_sim.console.table import CommandResult
+from snr_sim.console.parsing import CommandResult
 from snr_sim.prelude.errors import LinkError
 from snr_sim.prelude.text import visible
 

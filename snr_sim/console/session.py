@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from snr_sim.console import introspection
 from snr_sim.console.formatting import truncate
-from snr_sim.console.parsing import MAX_LINE_CHARS, ConsoleCommandError
-from snr_sim.console.table import CommandResult, Table, completions, parse
+from snr_sim.console.parsing import MAX_LINE_CHARS, CommandResult, ConsoleCommandError, Table, completions, parse
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.task import Page, Task

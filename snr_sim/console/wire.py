@@ -12,8 +12,7 @@ from typing import Annotated, TypeAlias
 
 import msgspec
 
-from snr_sim.console.parsing import MAX_LINE_CHARS
-from snr_sim.console.table import CommandResult
+from snr_sim.console.parsing import MAX_LINE_CHARS, CommandResult
 from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
 from snr_sim.links.messages import decoder_of
 from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds

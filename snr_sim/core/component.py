@@ -243,7 +243,9 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
         if not args and type(msg) is str:
             return msg
         try:
-            return logging.LogRecord("", logging.INFO, "", 0, msg, args, None).getMessage()
+            # As LogRecord.getMessage, without making a record, which takes ten times as long.
+            values = args[0] if len(args) == 1 and isinstance(args[0], Mapping) and args[0] else args
+            return str(msg) % values if args else str(msg)
         except Exception as error:  # also of an object's own __str__
             kind, name = type(error).__name__, self._component.name
             text = f"a message of {type(msg).__name__} and {len(args)} values cannot be worded: {kind}"

@@ -39,7 +39,9 @@ class Newcomers:
         source = source_of(address)
         if source in self._known or source == LOOPBACK:
             return True
-        token_bucket = self._greetings.setdefault(source, TokenBucket(GREETINGS_PER_S, GREETINGS_AT_ONCE))
+        token_bucket = self._greetings.get(source)
+        if token_bucket is None:
+            token_bucket = self._greetings[source] = TokenBucket(GREETINGS_PER_S, GREETINGS_AT_ONCE)
         _keep(self._greetings, source, MAX_ADDRESSES)
         return token_bucket.take(now_s)
 

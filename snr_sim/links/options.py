@@ -8,7 +8,7 @@ from typing import get_args
 
 from snr_sim.links.faults import LinkFaults, invalid_option, is_number
 from snr_sim.links.frames import FRAME_BYTES_LIMIT, MAX_FRAME_BYTES
-from snr_sim.links.send_queue import Policy
+from snr_sim.links.queues import Policy
 from snr_sim.prelude.errors import ConfigError, ParameterError
 from snr_sim.prelude.task import DataKey
 

@@ -15,7 +15,7 @@ from snr_sim.links.frames import HEADER_BYTES
 from snr_sim.links.link import Link, link_state
 from snr_sim.links.messages import decode_message
 from snr_sim.links.options import LinkOptions
-from snr_sim.links.send_queue import Policy, SendQueue
+from snr_sim.links.queues import Policy, SendQueue
 from snr_sim.links.session import Session, SessionConfig
 from snr_sim.prelude.task import DataKey, Page
 

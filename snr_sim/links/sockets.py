@@ -16,8 +16,8 @@ from snr_sim.links.faults import LinkFaults
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
 from snr_sim.links.options import MAX_HELD_BYTES, LinkOptions
+from snr_sim.links.queues import Policy
 from snr_sim.links.security import Network, Tls, as_networks, as_secret, is_loopback
-from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import SessionConfig
 from snr_sim.links.simulated import Rendezvous, SimulatedTransport
 from snr_sim.links.socket_port import Address, Addressed, ListenerFactory

@@ -51,6 +51,7 @@ class StreamPeer(Peer):
         self.leaves_s: float | None = None  # time limit for closing it, once the session is over
         self._link = link
         self._sending = threading.Lock()  # held for one call to the port, which does not block
+        self._has_ended = False
         self._cut_off: bytes | memoryview = b""  # the rest of a frame that was sent in part
         self._control: list[bytes] = []
         self._delayed: list[tuple[float, int, bytes, bool]] = []
@@ -112,7 +113,7 @@ class StreamPeer(Peer):
             self.fail(error)
 
     def _write_some(self) -> bool:
-        """Write once; return whether there was something to write."""
+        """Write once; return whether there is more to write."""
         with self._sending:
             if not len(self._cut_off):
                 if self._control:
@@ -120,16 +121,18 @@ class StreamPeer(Peer):
                 else:
                     frames = self.queue.take(WRITE_BYTES)
                     self.sent += len(frames)
+                if not frames:
+                    return False
                 self._cut_off = memoryview(b"".join(map(self.session.seal, frames)))
-            if not len(self._cut_off):
-                return False
             self._cut_off = self._cut_off[self.port.write(self._cut_off) :]
-            return True
+            return bool(len(self._cut_off) or self._control or len(self.queue))
 
     def end_writing(self) -> None:
-        """Signal the end of the stream to the peer."""
-        with suppress(OSError):  # broken already, with the same result
-            self.port.end_writing()
+        """Signal the end of the stream to the peer, once."""
+        if not self._has_ended:
+            self._has_ended = True
+            with suppress(OSError):  # broken already, with the same result
+                self.port.end_writing()
 
     @property
     def waiting(self) -> int:
@@ -141,6 +144,12 @@ class StreamPeer(Peer):
     def has_more(self) -> bool:
         """Whether something still waits to be sent."""
         return bool(len(self._cut_off) or self._control or len(self.queue) or self._delayed)
+
+    def needs_pump(self, now_s: float) -> bool:
+        """Whether there is something to send, or to close."""
+        if self.leaves_s is None:
+            return bool(self.session.wants_attention or self.failure) or self.has_more
+        return bool(self.failure) or now_s >= self.leaves_s or self.has_more
 
     @property
     def due_s(self) -> float:

@@ -107,8 +107,9 @@ class Streams(Transport):
             now_s = now()
             until_s = self._until_s(now_s)
             events = select(max(0.0, until_s - now_s))
-            with self.lock:
-                self._act_on(events)
+            if events or self._half_read:
+                with self.lock:
+                    self._act_on(events)
             if not events or now_s >= until_s or not self.link.has_few_tasks():
                 break
         with self.lock:
@@ -124,7 +125,8 @@ class Streams(Transport):
                 key.data(mask)
         for stream in self._half_read:
             ready[stream] = ready.get(stream, 0) | selectors.EVENT_READ
-        self._in_turn(list(ready), lambda stream: self._for(stream, self._serve, ready[stream]))
+        if ready:
+            self._in_turn(list(ready), lambda stream: self._for(stream, self._serve, ready[stream]))
 
     def _in_turn(self, streams: list[StreamPeer], act: Callable[[StreamPeer], object]) -> None:
         """Act on each stream once, in the order of time used lately, least first, until the time of a round is over."""
@@ -190,7 +192,9 @@ class Streams(Transport):
             self._watch(stream)
 
     def _pump_all(self) -> None:
-        for stream in list(self.streams):
+        """Pump the streams that have something to do; most have nothing, each round."""
+        now_s = self.now_s()
+        for stream in [stream for stream in self.streams if stream.needs_pump(now_s)]:
             self._for(stream, self._pump)
 
     def _serve(self, stream: StreamPeer, events: int) -> None:

@@ -22,8 +22,8 @@ from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
 from snr_sim.links.messages import MAX_NAME_CHARS
 from snr_sim.links.options import MAX_HELD_BYTES, LinkOptions
+from snr_sim.links.queues import Policy
 from snr_sim.links.security import Tls, is_loopback
-from snr_sim.links.send_queue import Policy
 from snr_sim.links.simulated import Rendezvous
 from snr_sim.links.zenoh_link import ZenohTransport
 from snr_sim.prelude.errors import ConfigError

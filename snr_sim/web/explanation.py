@@ -14,8 +14,7 @@ from pathlib import Path
 import msgspec
 
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.web.message_parts import WhyRow
-from snr_sim.web.messages import Why, WhyAnswer
+from snr_sim.web.messages import Why, WhyAnswer, WhyRow
 
 TIMEOUT_S = 120.0
 _NICE = 10  # so that it takes no time of the robot's

@@ -11,7 +11,7 @@ from typing import Literal, cast
 
 from snr_sim.behaviors.imports import files_named
 from snr_sim.behaviors.reader import Code, Form, Item, Word, read
-from snr_sim.web.message_parts import Arrow, Graph, GraphState
+from snr_sim.web.messages import Arrow, Graph, GraphState
 
 MAX_STATES = 2000  # in all: machines that spawn each other could make any number of them
 MAX_LABEL = 80

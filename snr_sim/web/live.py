@@ -1,34 +1,27 @@
-"""LiveLoop: serves the live page of the machines of a node, on a thread of the node's process.
-
-Like a console it uses wall time in lock step too: a person does not edit in virtual time, so it adds no moments to a
-run. What a page asks for enters the node's inbox, so it is recorded and replayed.
-"""
+"""LiveLoop: serves the live page of the machines of a node."""
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
-from contextlib import ExitStack, suppress
 from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
 from snr_sim.behaviors.endpoint import MachineEndpoint
-from snr_sim.core.node import Node
-from snr_sim.links.restarting import RestartingLoop
-from snr_sim.links.security import as_secret, is_loopback
-from snr_sim.links.socket_port import Address, ListenerFactory
+from snr_sim.links.security import is_loopback
+from snr_sim.links.server_loop import ServerLoop, ServerLoopFactory
 from snr_sim.prelude.errors import ConfigError, MissingExtraError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.web.access import Access
 from snr_sim.web.live_machine import LiveMachine
-from snr_sim.web.machine_page import MachinePage
 from snr_sim.web.moments import MAX_MOMENTS
+from snr_sim.web.session import MachinePage
 from snr_sim.web.timeline import PAGE_SOURCE
 
 
-class LiveLoopFactory(ListenerFactory):
+class LiveLoopFactory(ServerLoopFactory):
     """Makes a loop that serves a page for each machine of its node.
 
     Args:
@@ -54,33 +47,22 @@ class LiveLoopFactory(ListenerFactory):
         title: str = "",
         name: str = PAGE_SOURCE,
     ) -> None:
-        super().__init__(Address(host, port), "A live page")
-        if not (isinstance(port, int) and 0 <= port < 1 << 16):
-            raise ConfigError(
-                f"{port!r} is not a valid port of a live page.",
-                fix="use a number from 1024 to 65535, or 0 for a free one.",
-            )
-        secret = as_secret(token, "token=")
-        if secret is None and not is_loopback(host):
-            raise ConfigError(
-                f"A live page on {host} needs a token of your own: any computer in that network can reach it.",
-                fix="--live-token-file FILE with at least 16 characters in it, or leave --live-host out.",
-            )
+        fix = "--live-token-file FILE with at least 16 characters in it, or leave --live-host out."
+        super().__init__(port, host, token, name, who="A live page", token_fix=fix)
         if host in ("0.0.0.0", "::", ""):
             raise ConfigError(
                 f"A live page cannot be on all addresses ({host!r}): requests are accepted for one name only.",
                 fix="one address of this computer: `ip address` shows them.",
             )
         check_packages()
-        tokens = {} if secret is None else {"token": secret.decode("ascii", "replace")}
+        tokens = {} if self.token is None else {"token": self.token.decode("ascii", "replace")}
         self._access = Access(host, port, **tokens)
         self.title: str = title
-        self.name: str = name
         self.folder: Path | None = None
 
     def get(self, parent: NodeApi) -> LiveLoop:
         """Return the loop."""
-        return LiveLoop(self, parent, self.name)
+        return LiveLoop(self, parent)
 
     @property
     def is_loopback(self) -> bool:
@@ -104,18 +86,11 @@ def check_packages() -> None:
             raise MissingExtraError(package, "web")
 
 
-class LiveLoop(RestartingLoop):
-    """Loop on a thread of its own that serves pages."""
+class LiveLoop(ServerLoop):
+    """Loop that serves pages."""
 
     factory: LiveLoopFactory
-    parent: Node
     is_robot_component = False
-
-    def __init__(self, factory: LiveLoopFactory, parent: NodeApi, name: str) -> None:
-        assert isinstance(parent, Node)  # never in a loop's process, since its executor is a thread
-        super().__init__(factory, parent, name, max_tick_rate_hz=0)
-        self._ending = asyncio.Event()
-        self._events: asyncio.AbstractEventLoop | None = None
 
     def begin(self) -> None:
         """Listen, and start the thread.
@@ -127,36 +102,11 @@ class LiveLoop(RestartingLoop):
         for one in self.parent.components.values():
             if isinstance(one, MachineEndpoint):
                 one.recent = deque(maxlen=MAX_MOMENTS)  # before it begins, if this loop is the first component
-        self._open()
-        self.parent.start_loop(self, on_thread=True)
-
-    def _open_ports(self, ports: ExitStack) -> None:
-        self._sock = self.factory.listener()
-        ports.callback(self._sock.close)
-
-    def stop(self) -> None:
-        """Request the end of the loop; return at once, also when called from another thread."""
-        super().stop()
-        if self._events is not None:
-            with suppress(RuntimeError):  # it has already ended
-                self._events.call_soon_threadsafe(self._ending.set)
-
-    def join(self) -> None:
-        """Stop, and return once browsers have been notified, or after the time limit."""
-        self.stop()
-        super().join()
-
-    def _round(self) -> None:
-        """Serve pages until the loop is stopped."""
-        asyncio.run(self._serve())
+        super().begin()
 
     async def _serve(self) -> None:
         from snr_sim.web.server import serve  # slow to import, and not installed everywhere
 
-        self._ending = asyncio.Event()
-        self._events = asyncio.get_running_loop()
-        if self.is_terminated():
-            return
         node, factory = self.parent, self.factory
         names = [name for name, one in node.components.items() if isinstance(one, MachineEndpoint)]
         machines = [LiveMachine(node, name, factory.title, factory.folder) for name in names]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,12 +26,9 @@ from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.web.explanation import Explanations
-from snr_sim.web.message_parts import By, Problem
-from snr_sim.web.messages import Edited, Hello, Program, State, Why, WhyAnswer
+from snr_sim.web.messages import By, Edited, Hello, HungUpError, Problem, Program, Rights, State
 from snr_sim.web.moments import MAX_MOMENTS, Moments, moment_of
-from snr_sim.web.pages import HungUpError, Rights
 from snr_sim.web.readings import commands_of, parts_of, readings_of, shown
-from snr_sim.web.session import Controls, MachineSession
 from snr_sim.web.timeline import PAGE_SOURCE, RecordedTimeline, program_of
 
 MAX_UNANSWERED = 64  # edits
@@ -46,11 +43,11 @@ class _Edit:
 
     text: str
     number: int | None  # None: an undo
-    session: MachineSession
+    answer: Callable[[Edited], None]
 
 
 class LiveMachine:
-    """A machine of a node. Implements ShownMachine and Controls.
+    """A machine of a node. What changes it raises SnrError if it is not possible.
 
     Args:
         node: that runs it.
@@ -63,14 +60,13 @@ class LiveMachine:
         self.name: str = name
         self.title: str = title
         self.moments: Moments = Moments()
-        self.controls: Controls | None = self
         self._node = node
         self._folder = folder
-        self._explanations = Explanations(folder, is_trusted=True)
+        self.explanations: Explanations = Explanations(folder, is_trusted=True)
         self._timeline: RecordedTimeline | None = None
         self._unanswered: deque[_Edit] = deque()
         self._undo: deque[str] = deque(maxlen=MAX_PROGRAMS)
-        self.generation: int = 0
+        self.generation: int = 0  # counts how often its component was replaced: programs are then numbered from 1 again
         self._seen = self._endpoint
         self._begin()
         self.update(0.0)
@@ -126,7 +122,7 @@ class LiveMachine:
                 del self._programs[min(self._programs)]
         if edit is not None:
             self._unanswered.remove(edit)
-            edit.session.answer_edit(self._edited(edit, answered.answer))
+            edit.answer(self._edited(edit, answered.answer))
 
     def _edited(self, edit: _Edit, answer: Mapping[str, Any]) -> Edited:
         is_stale = "text" in answer
@@ -199,10 +195,6 @@ class LiveMachine:
             await asyncio.sleep(0)  # other pages, and the node, which waits for the interpreter lock
         return self._timeline.state_at(t_s)
 
-    async def why(self, asked: Why) -> WhyAnswer:
-        """Execute the run again, as far as it has been recorded, and return why transitions were taken or not."""
-        return await self._explanations.of(asked)
-
     def close(self) -> None:
         """Close the recording."""
         if self._timeline is not None:
@@ -210,7 +202,7 @@ class LiveMachine:
 
     # -- what pages change --------------------------------------------------------------------------------------------
 
-    def edit(self, number: int | None, text: str, base_sha256: str, session: MachineSession) -> None:
+    def edit(self, number: int | None, text: str, base_sha256: str, answer: Callable[[Edited], None]) -> None:
         """Continue with another text. One with mistakes is answered here, and does not enter the node."""
         endpoint = self._endpoint
         if not self._is_text:
@@ -222,11 +214,11 @@ class LiveMachine:
         except ProgramError as error:
             current = self._programs[self._number]
             problems = [_mistake(one) for one in error.problems]
-            session.send(Edited(number, False, False, current.number, current.sha256, None, problems, [], [], [], []))
+            answer(Edited(number, False, False, current.number, current.sha256, None, problems, [], [], [], []))
             return
         if len(self._unanswered) >= MAX_UNANSWERED:
             raise HungUpError(f"{MAX_UNANSWERED} edits wait for the robot's program.")
-        self._unanswered.append(_Edit(text, number, session))
+        self._unanswered.append(_Edit(text, number, answer))
         self._schedule("edit", text, base_sha256)
 
     def _parse(self, text: str, files: Mapping[str, str]) -> None:
@@ -241,12 +233,12 @@ class LiveMachine:
             return False  # a listing of a machine in Python
         return True
 
-    def undo(self, session: MachineSession) -> None:
+    def undo(self, answer: Callable[[Edited], None]) -> None:
         """Continue with the text before the newest edit."""
         self.update(0.0)
         if not self._undo:
             raise ParameterError("There is no edit to undo.", fix="edit the text.")
-        self.edit(None, self._undo[-1], self._programs[self._number].sha256, session)
+        self.edit(None, self._undo[-1], self._programs[self._number].sha256, answer)
 
     def set_value(self, path: str, value: Any) -> None:
         """Set a variable."""

@@ -1,97 +1,181 @@
 """Messages between the live page of a machine and its server: one JSON object in each text frame of the WebSocket.
 
-`kind` says which one it is. Server and page reject what has an unknown kind, an unknown field, or a value out of the
-bounds that the types state; the schema `live.schema.json` is made of these classes. Times are seconds of the run.
-
-    page                                      server
-     |                      <-- Hello          |   first
-     |                      <-- Timeline ...   |   what has happened so far; until `is_complete`
-     |                      <-- State          |   at most 30 times a second, when something has changed
-     |                      <-- Program        |   before the first State of another program
-     |  Edit -->            <-- Edited         |   each edit is answered, by its number
-     |  SetValue, Do, Give -->                 |   the next State shows what they did
-     |  Show -->            <-- State          |   `is_live` false: of the moment that was asked for
-     |  Why -->             <-- WhyAnswer      |
-     |                      <-- Refused        |   a message that could not be carried out; the connection stays
-     |                      <-- Gone           |   last: the connection is closed
-
-The page is at `/machine/NAME/`, its WebSocket at `/machine/NAME/socket`; scripts and styles are at `/static/FILE`. The
-page must keep the texts that it got by `number`: a State names the program it belongs to, and each is sent once.
-
-From the server:
-
-    {"kind": "hello", "name": "dora", "title": "dora_room, seed 0", "is_live": true, "rights": "change",
-     "is_editable": true, "number": 1, "sha256": "9f...", "text": "(machine dora ...", "files": {"turns.lrp": "..."},
-     "graph": [...], "parts": [{"name": "ultra", "functions": ["age_ms", "read", "read_since_entry"], "unit": "cm",
-     "low": null, "high": null}], "signals": ["halt"], "t_s": 12.5, "until_s": 12.5}
-
-    {"kind": "state", "is_live": true, "t_s": 12.5, "number": 1, "active": {"dora": "forward"},
-     "entered_s": {"dora": 11.25}, "last": {"t_s": 11.25, "machine": "dora", "kind": "ontime",
-     "name": "turning->forward", "source": "turning", "target": "forward", "held_s": 2.4, "line": 31, "number": 1},
-     "variables": {"speed": 50, "dora.side": -1}, "reads": {"ultra": {"value": 81.5, "age_s": 0.02, "limit_s": 0.5}},
-     "drives": {"motor_a": {"value": 50.0, "delay_s": null}}, "problems": [], "is_paused": false, "changes": [],
-     "missed": 0}
-
-    {"kind": "program", "number": 2, "sha256": "71...", "text": "...", "files": {}, "graph": [...],
-     "signals": [], "by": "page", "t_s": 14.0}
-
-    {"kind": "edited", "number": 7, "ok": false, "is_stale": false, "program": 1, "sha256": "9f...", "text": null,
-     "problems": [{"line": 3, "column": 5, "end_line": 3, "end_column": 9,
-     "message": "There is no state 'forwad' here.", "fix": "did you mean 'forward'?", "is_error": true}],
-     "notes": [], "kept": [], "restarted": [], "stopped": []}
-
-    {"kind": "why", "machine": "dora", "transition": "bump", "from_s": 10.0, "until_s": 12.0, "error": "",
-     "left_out": 0, "rows": [{"machine": "dora", "state": "forward", "transition": "bump", "target": "backing",
-     "line": 26, "evaluated": 180, "taken": 0, "longest_s": 1.8, "after_s": null,
-     "values": {"robot.left_touch.read()": "0"}, "errors": {}}]}
-
-    {"kind": "timeline", "is_complete": true, "until_s": 12.5, "moments": [{"t_s": 0.0, "machine": "dora",
-     "kind": "spawn", "name": "spawn", "source": "", "target": "waiting", "held_s": 0.0, "line": 6, "number": 1}]}
-
-    {"kind": "refused", "message": "set", "reason": "There is no variable 'dora.sid'. Try: did you mean 'dora.side'?"}
-
-    {"kind": "gone", "reason": "The run has ended: explored."}
-
-In a graph (`Graph`):
-
-    {"path": "dora", "name": "dora", "initial": "waiting", "line": 6, "states": [{"name": "waiting", "line": 11,
-     "machines": []}], "transitions": [{"name": "wall", "kind": "on", "source": "forward", "target": "turning",
-     "line": 28, "label": "[distance() < near_cm]"}]}
-
-From the page:
-
-    {"kind": "edit", "number": 7, "text": "(machine dora ...", "base_sha256": "9f..."}
-    {"kind": "set", "path": "dora.side", "value": 1}
-    {"kind": "do", "what": "pause"}
-    {"kind": "give", "signal": "halt"}
-    {"kind": "show", "t_s": 3.25}
-    {"kind": "why", "machine": "dora", "transition": "bump", "from_s": 10.0, "until_s": 12.0}
+Both ends reject what has an unknown kind, an unknown field, or a value out of the bounds that the types state. The
+schema `live.schema.json` is made of these classes. docs/formats.md, section 9, has their order, and an example of each.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from snr_sim.web.message_parts import (
-    By,
-    Command,
-    Count,
-    Graph,
-    Integer,
-    Moment,
-    Name,
-    Problem,
-    Reading,
-    RobotPart,
-    RunTime,
-    Sha256,
-    ShortText,
-    Text,
-    WhyRow,
-)  # fmt: skip
+MAX_MESSAGE_BYTES = 1 << 18  # of a message of the page
+MAX_TEXT_CHARS = 200_000  # of a program
+MAX_NAME_CHARS = 500
+
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+Name: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_NAME_CHARS)]
+ShortText: TypeAlias = Annotated[str, msgspec.Meta(max_length=10_000)]
+Text: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_TEXT_CHARS)]
+Sha256: TypeAlias = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+Rights: TypeAlias = Literal["change", "look"]
+By: TypeAlias = Literal["start", "page", "elsewhere"]
+RunTime: TypeAlias = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
+Integer: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]  # what JavaScript counts exactly
+
+
+# -- what messages contain ---------------------------------------------------------------------------------------------
+
+
+class HungUpError(Exception):
+    """A connection is to be closed; the text is sent to the browser first."""
+
+
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a message contains."""
+
+
+class Problem(_Part, frozen=True):
+    """A mistake in a program, or a block that failed while it ran: as `snr machine check --json` prints it.
+
+    Args:
+        line, column, end_line, end_column: from 1; 0 if unknown. The end is the character after it.
+        message: what is wrong.
+        fix: what to try; may be empty.
+        is_error: otherwise it is a warning.
+    """
+
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+    message: str
+    fix: str
+    is_error: bool
+
+
+class Arrow(_Part, frozen=True):
+    """A transition as it is declared.
+
+    Args:
+        kind: on, ontime, eps or exit. The target of an exit is a state of the machine around.
+        source: a state, or '*' for every state but the target.
+        line: in the text; 0 if unknown.
+        label: its condition, signal or time, for a drawing.
+    """
+
+    name: str
+    kind: Literal["on", "ontime", "eps", "exit"]
+    source: str
+    target: str
+    line: int
+    label: str
+
+
+class GraphState(_Part, frozen=True):
+    """A state, and the machines inside it."""
+
+    name: str
+    line: int
+    machines: list[Graph]
+
+
+class Graph(_Part, frozen=True):
+    """A machine as a drawing needs it.
+
+    Args:
+        path: as in `active`, such as "dora/looking/scan".
+        initial: the state in which it begins.
+        transitions: in the order in which they are tried.
+    """
+
+    path: str
+    name: str
+    initial: str
+    line: int
+    states: list[GraphState]
+    transitions: list[Arrow]
+
+
+class Moment(_Part, frozen=True):
+    """A change of state, as the event "<name>.transition" has it.
+
+    Args:
+        kind: of the transition: on, ontime, eps, exit; or spawn, stop, edit.
+        name: of the transition.
+        source, target: states; empty if the machine did not run before, or does not run afterwards.
+        held_s: time in the source.
+        line: in the text of program `number`; 0 if unknown. Of a machine in a Python file it is a line of that file,
+            and not of the listing that is shown as its text.
+    """
+
+    t_s: float
+    machine: str
+    kind: str
+    name: str
+    source: str
+    target: str
+    held_s: float
+    line: int
+    number: int
+
+
+class Reading(_Part, frozen=True):
+    """A part of the robot that is read: value, age, and the age from which it is not given to the program.
+
+    Null: there is none, or no limit.
+    """
+
+    value: Any
+    age_s: float | None
+    limit_s: float | None
+
+
+class Command(_Part, frozen=True):
+    """A part of the robot that is commanded: the newest command, and the time until it was applied, if known."""
+
+    value: Any
+    delay_s: float | None
+
+
+class RobotPart(_Part, frozen=True):
+    """A part of the robot that blocks can name.
+
+    Args:
+        functions: that it has, as in `robot.ultra.read()`.
+        low, high: limits of its commands.
+    """
+
+    name: str
+    functions: list[str]
+    unit: str
+    low: float | None
+    high: float | None
+
+
+class WhyRow(_Part, frozen=True):
+    """How often a transition was looked at in an interval, and what its condition found.
+
+    Args:
+        longest_s: longest time in the state when it was looked at.
+        after_s: time that it waits for.
+        values: range of each part of its condition, as text.
+        errors: how often the condition failed, by error.
+    """
+
+    machine: str
+    state: str
+    transition: str
+    target: str
+    line: int
+    evaluated: int
+    taken: int
+    longest_s: float
+    after_s: float | None
+    values: dict[str, str]
+    errors: dict[str, int]
 
 
 class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
@@ -123,7 +207,7 @@ class Hello(_Message, frozen=True, tag="hello"):
     name: str
     title: str
     is_live: bool
-    rights: Literal["change", "look"]
+    rights: Rights
     is_editable: bool
     number: int
     sha256: str

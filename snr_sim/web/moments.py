@@ -6,7 +6,7 @@ from bisect import bisect_right
 from typing import Any
 
 from snr_sim.behaviors.interpreter import NS_PER_S
-from snr_sim.web.message_parts import Moment
+from snr_sim.web.messages import Moment
 
 MAX_MOMENTS = 10_000  # of a running machine; those before are in the recording
 

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Bridge, Drive, Read
 from snr_sim.prelude.task import DataKey, Page
-from snr_sim.web.message_parts import Command, Reading, RobotPart
+from snr_sim.web.messages import Command, Reading, RobotPart
 
 APPLIED = "_applied"  # end of the keys of pages with the result of a command
 MAX_TEXT = 1000  # characters of a value that is shown

@@ -10,18 +10,16 @@ import msgspec
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.prelude.errors import TraceError
 from snr_sim.web.explanation import Explanations
-from snr_sim.web.messages import Hello, Program, State, Why, WhyAnswer
+from snr_sim.web.messages import Hello, Program, Rights, State
 from snr_sim.web.moments import Moments
-from snr_sim.web.pages import Rights
 from snr_sim.web.readings import parts_of
-from snr_sim.web.session import Controls
 from snr_sim.web.timeline import RecordedTimeline
 
 GROWTH_PERIOD_S = 0.2  # how often a trace is looked at that may grow
 
 
 class RecordedMachine:
-    """A machine of a run folder. Implements ShownMachine.
+    """A machine of a run folder.
 
     Args:
         folder: of the run.
@@ -35,7 +33,6 @@ class RecordedMachine:
         UnknownNameError: there is no such machine in it.
     """
 
-    controls: Controls | None = None
     generation = 0
 
     def __init__(
@@ -50,7 +47,7 @@ class RecordedMachine:
         self.name: str = self._timeline.name
         self.title: str = title
         self._bridge = bridge
-        self._explanations = Explanations(folder, is_trusted)
+        self.explanations: Explanations = Explanations(folder, is_trusted)
         self._read_s = -math.inf
         self._newest: State | None = None
 
@@ -90,7 +87,3 @@ class RecordedMachine:
     async def state_at(self, t_s: float) -> State:
         """Return the state at a moment of the run."""
         return self._timeline.state_at(t_s)
-
-    async def why(self, asked: Why) -> WhyAnswer:
-        """Execute the run again, and return why transitions were taken or not."""
-        return await self._explanations.of(asked)

@@ -1,4 +1,4 @@
-"""One browser's connection to the page of a machine: messages in and out, without a socket.
+"""The page of a machine, and one browser's connection to it: messages in and out, without a socket.
 
 What it may ask of a machine is bounded here: how often, how much at once, and who may change anything.
 """
@@ -6,17 +6,19 @@ What it may ask of a machine is bounded here: how often, how much at once, and w
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import msgspec
 
 from snr_sim.links.token_bucket import TokenBucket
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import JSON_ERRORS
+from snr_sim.web.live_machine import LiveMachine
 from snr_sim.web.messages import (
     Do,
     Edit,
@@ -24,20 +26,19 @@ from snr_sim.web.messages import (
     FromPage,
     FromServer,
     Give,
-    Hello,
-    Program,
+    Gone,
+    HungUpError,
     Refused,
+    Rights,
     SetValue,
     Show,
     State,
     Timeline,
     Why,
-    WhyAnswer,
     decode_from_page,
     encode,
 )
-from snr_sim.web.moments import Moments
-from snr_sim.web.pages import HungUpError, Rights, Send
+from snr_sim.web.recorded_machine import RecordedMachine
 
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 200.0, 400.0
 CHANGES_PER_S, CHANGES_AT_ONCE = 50.0, 50.0  # edits, variables, buttons
@@ -45,67 +46,7 @@ MAX_CHANGES = 200  # of state in one message
 MOMENTS_PER_MESSAGE, MAX_TIMELINES = 2000, 32
 MAX_QUESTIONS = 4  # that are being answered
 IDLE_PERIOD_S = 0.2  # of messages while nothing but time and ages change
-
-
-class Controls(Protocol):
-    """What can be changed of a machine that runs. All raise SnrError if it is not possible."""
-
-    def edit(self, number: int, text: str, base_sha256: str, session: MachineSession) -> None:
-        """Continue with another text; the session is sent the answer."""
-
-    def undo(self, session: MachineSession) -> None:
-        """Continue with the text before the newest edit; the session is sent the answer."""
-
-    def set_value(self, path: str, value: Any) -> None:
-        """Set a variable."""
-
-    def give(self, signal: str) -> None:
-        """Give a signal."""
-
-    def press(self, what: str) -> None:
-        """Pause, go, or step."""
-
-
-class ShownMachine(Protocol):
-    """A machine that pages show: of a running node, or of a recorded run.
-
-    Attributes:
-        name: of it.
-        title: of its page.
-        controls: None if nothing can be changed.
-        generation: counts how often its component was replaced; its programs are then numbered from 1 again.
-    """
-
-    name: str
-    title: str
-    controls: Controls | None
-    generation: int
-
-    @property
-    def moments(self) -> Moments:
-        """Its changes of state."""
-
-    def hello(self, rights: Rights) -> Hello:
-        """Return the first message of a connection."""
-
-    def update(self, now_s: float) -> None:
-        """Take what has happened; `now_s` is wall time."""
-
-    def newest(self) -> State:
-        """Return the newest state."""
-
-    def program(self, number: int) -> Program | None:
-        """Return a program by its number."""
-
-    async def state_at(self, t_s: float) -> State:
-        """Return the state at a moment of the run.
-
-        Raises:
-            SnrError: it is not known.
-        """
-
-    async def why(self, asked: Why) -> WhyAnswer:
-        """Return why transitions were taken or not."""
+Send: TypeAlias = Callable[[bytes], None]  # queues a message for the browser; HungUpError if too many wait
 
 
 class MachineSession:
@@ -117,7 +58,7 @@ class MachineSession:
         send: queues a message for it.
     """
 
-    def __init__(self, machine: ShownMachine, rights: Rights, send: Send) -> None:
+    def __init__(self, machine: LiveMachine | RecordedMachine, rights: Rights, send: Send) -> None:
         self._machine = machine
         self._rights = rights
         self._send = send
@@ -200,23 +141,23 @@ class MachineSession:
         if self._rights != "change":
             self.refuse(message, "This address may only look. The one with ?token= may change the machine.")
             return
-        controls = self._machine.controls
-        if controls is None:
+        machine = self._machine
+        if isinstance(machine, RecordedMachine):
             self.refuse(message, "A recorded run cannot be changed. Try: snr run SCENARIO --live for one that can.")
             return
         if not self._changes.take(time.monotonic()):
             raise HungUpError(f"More than {CHANGES_PER_S:g} changes a second.")
         match message:
             case Edit():
-                controls.edit(message.number, message.text, message.base_sha256, self)
+                machine.edit(message.number, message.text, message.base_sha256, self.answer_edit)
             case SetValue():
-                controls.set_value(message.path, message.value)
+                machine.set_value(message.path, message.value)
             case Give():
-                controls.give(message.signal)
+                machine.give(message.signal)
             case Do(what="undo"):
-                controls.undo(self)
+                machine.undo(self.answer_edit)
             case Do():
-                controls.press(message.what)
+                machine.press(message.what)
 
     def refuse(self, message: msgspec.Struct, reason: str) -> None:
         """Send that a message was not carried out."""
@@ -247,12 +188,62 @@ class MachineSession:
         self._send_state(await self._machine.state_at(t_s))
 
     async def _explain(self, asked: Why) -> None:
-        self.send(await self._machine.why(asked))
+        self.send(await self._machine.explanations.of(asked))
 
     def close(self) -> None:
         """End what is being answered."""
         for task in list(self._answering):
             task.cancel()
+
+
+class MachinePage:
+    """A page at `/machine/NAME/`, on the server's thread.
+
+    WebSocket of /<path>/socket --> open --> MachineSession.receive
+    30 times a second           --> tick --> `send` of its sessions
+
+    Args:
+        machine: what it shows.
+    """
+
+    shell = "live.html"
+
+    def __init__(self, machine: LiveMachine | RecordedMachine) -> None:
+        self.path: str = f"machine/{re.sub(r'[^A-Za-z0-9_.-]', '_', machine.name)}"
+        self.title: str = f"{machine.name}: {machine.title}"
+        self._machine = machine
+        self._sessions: list[MachineSession] = []
+
+    def open(self, rights: Rights, send: Send) -> MachineSession:
+        """Return the session of a new connection."""
+        session = MachineSession(self._machine, rights, send)
+        self._sessions.append(session)
+        return session
+
+    def close(self, session: MachineSession) -> None:
+        """Forget a connection: it has been closed."""
+        session.close()
+        self._sessions.remove(session)
+
+    def tick(self, now_s: float) -> None:
+        """Send what has changed; `now_s` is wall time."""
+        self._machine.update(now_s)
+        if not self._sessions:
+            return
+        state = self._machine.newest()
+        for session in list(self._sessions):
+            with suppress(HungUpError):  # it reads nothing: the server closes it
+                session.show(state, now_s)
+
+    def gone(self, reason: str) -> None:
+        """Send that the server ends."""
+        for session in list(self._sessions):
+            with suppress(HungUpError):
+                session.send(Gone(reason))
+
+    def goodbye(self, reason: str) -> bytes:
+        """Return the last message of a connection that the server closes."""
+        return encode(Gone(reason))
 
 
 def _values(parts: Mapping[str, Any]) -> dict[str, Any]:

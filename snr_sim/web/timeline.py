@@ -24,8 +24,7 @@ from snr_sim.recording.reader import beginning_of
 from snr_sim.recording.records import Header, InputRecord, Line, LogLineRecord, decode_line
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.web.graphs import graphs_of, signals_in
-from snr_sim.web.message_parts import By
-from snr_sim.web.messages import Program, State
+from snr_sim.web.messages import By, Program, State
 from snr_sim.web.moments import Moments, moment_of
 from snr_sim.web.readings import commands_of, pages_of, readings_of, shown
 from snr_sim.web.trace_index import TraceIndex, in_input, in_returned, tasks_in

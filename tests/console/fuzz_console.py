@@ -23,11 +23,11 @@ from typing import Any
 import msgspec
 
 from snr_sim import CommandReceiverFactory, Config, ConsoleClient, Node, SimClock, Task, TaskType, tasks
+from snr_sim.console.command_receiver import LINES_AT_ONCE, LINES_PER_S, MAX_OUTPUT_BYTES, ConsoleProtocol
 from snr_sim.console.commands import TABLE
 from snr_sim.console.formatting import MAX_TEXT_CHARS
-from snr_sim.console.protocol import LINES_AT_ONCE, LINES_PER_S, MAX_OUTPUT_BYTES, ConsoleProtocol
+from snr_sim.console.parsing import CommandResult
 from snr_sim.console.session import MAX_NEW_NAMES, ConsoleSession
-from snr_sim.console.table import CommandResult
 from snr_sim.console.wire import PURPOSE, CommandMessage, CompleteMessage, decode_response, encode_request
 from snr_sim.links.frames import HEADER_BYTES, MAX_FRAME_BYTES, encode_frame
 from snr_sim.links.security import as_secret

@@ -12,8 +12,8 @@ from prompt_toolkit.output import DummyOutput
 
 from snr_sim import RemoteConsole
 from snr_sim.console import prompt
+from snr_sim.console.parsing import CommandResult
 from snr_sim.console.prompt import BoundedFileHistory, NodeCompleter, typed_lines
-from snr_sim.console.table import CommandResult
 from snr_sim.prelude.errors import LinkError
 
 CTRL_C, CTRL_D, UP = "\x03", "\x04", "\x1b[A"

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.console.protocol import LINES_AT_ONCE, LINES_PER_S, MAX_OUTPUT_BYTES, ConsoleProtocol
+from snr_sim.console.command_receiver import LINES_AT_ONCE, LINES_PER_S, MAX_OUTPUT_BYTES, ConsoleProtocol
 from snr_sim.console.wire import (
     PURPOSE,
     CommandMessage,

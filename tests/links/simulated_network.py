@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import heapq
+import itertools
 import os
 import selectors
 import socket
@@ -25,6 +26,7 @@ from snr_sim.links.tcp_client import Connector
 BUFFER_BYTES = 4096  # small, so that senders have to wait
 SELECT_S = 1e-4  # duration of a call, so that a loop that spins makes time pass
 HERE = "127.0.0.1"
+READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
 
 
 def failure(number: int) -> OSError:
@@ -38,7 +40,8 @@ class Network:
         self.rng = Random(seed)
         self.now_s = 0.0
         self.open: dict[int, Any] = {}  # sockets by descriptor
-        self.free = list(range(3, 10_000))  # a heap: as in a kernel, a new one gets the lowest number
+        self.unused = itertools.count(3)  # descriptors that none had yet
+        self.free: list[int] = []  # a heap of those that were closed: as in a kernel, a new one gets the lowest number
         self.listeners: dict[int, SimListener] = {}  # by port
         self.is_full = False  # `accept` finds no free descriptor
         self.max_wait_s = float("inf")  # maximum duration of a wait before the caller checks again
@@ -57,8 +60,8 @@ class Network:
         """Advance time, and with it what happens in the network by itself."""
         self.now_s += time_s
 
-    def pair(self) -> tuple[SimSocket, SimSocket]:
-        one, other = SimSocket(self), SimSocket(self)
+    def pair(self, is_accepted: bool = True) -> tuple[SimSocket, SimSocket]:
+        one, other = SimSocket(self), SimSocket(self, is_accepted)
         one.far, other.far = other, one
         return one, other
 
@@ -67,8 +70,7 @@ class Network:
         listener = self.listeners.get(port)
         if listener is None or len(listener.waiting) >= 128:
             raise failure(errno.ECONNREFUSED)
-        near, far = self.pair()
-        far.release()  # it gets a descriptor when it is accepted
+        near, far = self.pair(is_accepted=False)  # it gets a descriptor when it is accepted
         listener.waiting.append((far, (address, 40000)))
         return near
 
@@ -76,13 +78,14 @@ class Network:
 class Descriptor:
     """An object with a descriptor until it is closed."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, is_open: bool = True) -> None:
         self.network = network
         self.descriptor = -1
-        self.acquire()
+        if is_open:
+            self.acquire()
 
     def acquire(self) -> None:
-        self.descriptor = heapq.heappop(self.network.free)
+        self.descriptor = heapq.heappop(self.network.free) if self.network.free else next(self.network.unused)
         self.network.open[self.descriptor] = self
 
     def release(self) -> None:
@@ -103,8 +106,8 @@ class Descriptor:
 class SimSocket(Descriptor):
     """One end of a connection. `bug`, if set, is raised by its next calls: an error of our own code."""
 
-    def __init__(self, network: Network) -> None:
-        super().__init__(network)
+    def __init__(self, network: Network, is_open: bool = True) -> None:
+        super().__init__(network, is_open)
         self.far: SimSocket | None = None
         self.come = bytearray()
         self.is_ended = False  # the other end sends no more
@@ -113,10 +116,9 @@ class SimSocket(Descriptor):
 
     @property
     def ready(self) -> int:
-        is_over = self.is_reset or self.far is None
-        room = self.far is not None and len(self.far.come) < BUFFER_BYTES
-        is_readable = is_over or self.is_ended or self.come
-        return (selectors.EVENT_READ if is_readable else 0) | (selectors.EVENT_WRITE if is_over or room else 0)
+        if self.is_reset or self.far is None:
+            return READ | WRITE
+        return (READ if self.come or self.is_ended else 0) | (WRITE if len(self.far.come) < BUFFER_BYTES else 0)
 
     def part(self, max_bytes: int) -> int:
         return max_bytes if self.network.rng.random() < 0.6 else self.network.rng.randint(1, max_bytes)
@@ -172,9 +174,8 @@ class SimSocket(Descriptor):
         """Cut the connection without notice to either end: nothing arrives any more."""
         for sock in (self, self.far):
             if sock is not None:
-                sock.far = SimSocket(self.network)
+                sock.far = SimSocket(self.network, is_open=False)
                 sock.far.far = sock
-                sock.far.release()
 
     def reset(self) -> None:
         """Close it with a reset."""
@@ -194,7 +195,7 @@ class SimListener(Descriptor):
 
     @property
     def ready(self) -> int:
-        return selectors.EVENT_READ if self.waiting else 0
+        return READ if self.waiting else 0
 
     def getsockname(self) -> tuple[str, int]:
         return HERE, self.port
@@ -226,27 +227,33 @@ class SimSelector(selectors.SelectSelector):
         super().__init__()
         self.network = network
         self.bug: Exception | None = None
-        self.known: dict[int, Any] = {}  # the kernel's view: sockets by registration, not by number
+        # The kernel's view, by descriptor: a registration is of a socket, not of a number.
+        self.known: dict[int, tuple[selectors.SelectorKey, Any]] = {}
 
     def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
         key = super().register(fileobj, events, data)
         if key.fd not in self.network.open:
             super().unregister(fileobj)
             raise failure(errno.EBADF)
-        self.known[key.fd] = self.network.open[key.fd]
+        self.known[key.fd] = (key, self.network.open[key.fd])
+        return key
+
+    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
+        key = super().unregister(fileobj)
+        del self.known[key.fd]
         return key
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         if self.bug is not None:
             raise self.bug
         open_now = self.network.open
-        found = [
-            (key, key.events & self.known[key.fd].ready)
-            for key in self.get_map().values()
-            if open_now.get(key.fd) is self.known[key.fd]
+        ready = [
+            (key, events)
+            for descriptor, (key, sock) in self.known.items()
+            if open_now.get(descriptor) is sock and (events := key.events & sock.ready)
         ]
-        ready = [(key, events) for key, events in found if events]
-        self.network.rng.shuffle(ready)
+        if len(ready) > 1:
+            self.network.rng.shuffle(ready)
         idle_s = min(timeout or 0.0, self.network.max_wait_s)
         self.network.pass_time(SELECT_S if ready else max(SELECT_S, idle_s))
         return ready

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.links.fair_queue import SHARE_BYTES, FairQueue
-from snr_sim.links.send_queue import Policy
+from snr_sim.links.queues import SHARE_BYTES, FairQueue, Policy
 
 BATCH_BYTES = 1 << 17
 puts = st.lists(st.tuples(st.sampled_from("abcd"), st.sampled_from([1, 100, 5000, 100_000])), max_size=60)

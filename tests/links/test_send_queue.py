@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.links.send_queue import Policy, SendQueue
+from snr_sim.links.queues import Policy, SendQueue
 
 
 def test_full_queue_drops_the_oldest_or_refuses_the_newest() -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from snr_sim import LinkFaults, TaskType, Tls, ZenohNet
 from snr_sim.links import zenoh_link
-from snr_sim.links.fair_queue import SHARE_BYTES
+from snr_sim.links.queues import SHARE_BYTES
 from snr_sim.prelude.errors import MissingExtraError
 from snr_sim.prelude.task import Page
 from snr_sim.testing.function_components import FunctionEndpointFactory

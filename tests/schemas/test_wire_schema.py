@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.console.table import CommandResult
+from snr_sim.console.parsing import CommandResult
 from snr_sim.console.wire import (
     CommandMessage,
     CompleteMessage,

@@ -12,8 +12,8 @@ from snr_sim.behaviors import Bridge, Drive, Read, machine_parts, parse
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
 from snr_sim.web.live_machine import LiveMachine
-from snr_sim.web.machine_page import MachinePage
-from snr_sim.web.pages import Rights
+from snr_sim.web.messages import Rights
+from snr_sim.web.session import MachinePage
 
 BRIDGE = Bridge(
     {"depth": Read("depth", "depth_m", unit="m", fresh_s=0.5)}, {"up": Drive("thrust", "up_n", -50.0, 50.0)}

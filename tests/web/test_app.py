@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim.web import app
+from snr_sim.web import server
 from snr_sim.web.access import Access
-from snr_sim.web.app import make_app
-from snr_sim.web.pages import Rights, Send
+from snr_sim.web.messages import Rights
+from snr_sim.web.server import make_app
+from snr_sim.web.session import Send
 
 ACCESS = Access("127.0.0.1", 8080)
 
@@ -109,7 +110,7 @@ def test_connection_is_served_by_its_page_until_it_ends() -> None:
 
 def test_browser_that_reads_nothing_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """What waits for it is bounded; then its session is closed, and its page is not sent more."""
-    monkeypatch.setattr(app, "CLOSE_TIMEOUT_S", 0.01)
+    monkeypatch.setattr(server, "CLOSE_TIMEOUT_S", 0.01)
     page = Echo("robots", "all robots")
     accepted = asyncio.Event()
 

@@ -6,7 +6,7 @@ import pytest
 
 from snr_sim.behaviors import after, exits, machine, on, parse, state
 from snr_sim.web.graphs import MAX_STATES, graphs_of, signals_in
-from snr_sim.web.message_parts import Graph
+from snr_sim.web.messages import Graph
 
 NESTED = """(machine outer
   (event go)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from snr_sim import tasks
 from snr_sim.behaviors import after, machine, machine_parts, parse, state
 from snr_sim.web import session
-from snr_sim.web.pages import HungUpError
+from snr_sim.web.messages import HungUpError
 from tests.web.dive import BRIDGE, DIVER, SHA, Live, edit, event_at, parts, with_push
 
 Record = Callable[..., Path]

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
 
-from snr_sim.web import messages
-from snr_sim.web.message_parts import Graph
-from snr_sim.web.messages import FromPage, FromServer, decode_from_page
+from snr_sim.web.messages import FromPage, FromServer, Graph, decode_from_page
 
 Validator = Callable[..., Callable[[Any], bool]]
 SHA = "0" * 64
+FORMATS = Path(__file__).parents[2] / "docs" / "formats.md"
 
 
 def blocks() -> list[dict[str, Any]]:
-    """The examples in the docstring of the module: what begins with a brace, up to the next empty line or example."""
+    """The examples in section 9 of the page: what begins with a brace, up to the next empty line or example."""
     found: list[str] = []
-    for line in (messages.__doc__ or "").splitlines():
+    for line in FORMATS.read_text(encoding="utf-8").partition("## 9.")[2].splitlines():
         text = line.removeprefix("    ")
         if text.startswith("{"):
             found.append(text)
@@ -33,7 +33,7 @@ def blocks() -> list[dict[str, Any]]:
 EXAMPLES = blocks()
 
 
-def test_docstring_has_an_example_of_each_message() -> None:
+def test_page_of_formats_has_an_example_of_each_message() -> None:
     kinds = {one.__struct_config__.tag for union in (FromServer, FromPage) for one in union.__args__}
     assert {one["kind"] for one in EXAMPLES if "kind" in one} == kinds
 

@@ -16,7 +16,7 @@ from snr_sim import Node
 from snr_sim.prelude.errors import LinkError
 from snr_sim.web.access import POLICY, Access
 from snr_sim.web.live import LiveLoopFactory
-from snr_sim.web.message_parts import MAX_MESSAGE_BYTES
+from snr_sim.web.messages import MAX_MESSAGE_BYTES
 from tests.web.dive import DIVER, with_push
 from tests.web.served import browser, get, goes_on, last_words, served, wait_for
 
@@ -69,7 +69,7 @@ def test_every_answer_has_the_policy(path: str, server: Served) -> None:
 
 def test_static_files_stay_in_their_folder(server: Served) -> None:
     access = server[1].access
-    for path in ("/static/../app.py", "/static/..%2fapp.py", "/static//etc/passwd", "/static/%2e%2e/app.py"):
+    for path in ("/static/../server.py", "/static/..%2fserver.py", "/static//etc/passwd", "/static/%2e%2e/server.py"):
         assert get(access, path, Cookie=f"{access.cookie}={access.token}")[0] == 404, path
 
 
@@ -273,7 +273,7 @@ def test_page_that_fails_is_served_again(server: Served, monkeypatch: pytest.Mon
             raise RuntimeError("planted")
 
         with monkeypatch.context() as patch:
-            patch.setattr("snr_sim.web.machine_page.MachinePage.tick", fail)
+            patch.setattr("snr_sim.web.session.MachinePage.tick", fail)
             wait_for(lambda: count)
     goes_on(node)
 

@@ -1,28 +1,81 @@
-"""FairQueue: frames that have arrived from several peers and wait to be read. No peer can use up the others' places."""
+"""Queues of frames that wait: to be sent to one peer, or to be read from several. Bounded, and they never block."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Hashable, Sized
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeAlias, TypeVar
 
-from snr_sim.links.send_queue import MAX_WAITING_BYTES, Policy
+Policy: TypeAlias = Literal["drop_oldest", "refuse"]
+Frame = TypeVar("Frame", bound=Sized)  # bytes, or an object whose length is their number
 
-Frame = TypeVar("Frame", bound=Sized)
-
+MAX_WAITING_BYTES = 1 << 26  # 64 MiB: of all frames that wait, whatever their number
 SHARE_BYTES = 8 * 1024  # of a peer in a round, as in streams.py
 
 
-class FairQueue(Generic[Frame]):
-    """First in, first out for each peer; peers are read in rounds of equal shares.
-
-    A full queue drops and counts pages of the peer of which most wait, by frames or by bytes, whichever are too many.
-    It never blocks.
+class SendQueue(Generic[Frame]):
+    """First in, first out; a full queue drops and counts a page, and never blocks.
 
     Args:
         max_pages: maximum number of frames that wait.
-        policy: which page of that peer is dropped: "drop_oldest", or "refuse" the newest.
+        policy: which page a full queue drops: "drop_oldest", or "refuse" the newest.
         max_bytes: limit of all frames together; a longer frame may wait alone.
+    """
+
+    def __init__(
+        self, max_pages: int = 10_000, policy: Policy = "drop_oldest", max_bytes: int = MAX_WAITING_BYTES
+    ) -> None:
+        self.max_pages: int = max_pages  # LinkOptions has checked it, and the policy
+        self.policy: Policy = policy
+        self.dropped: int = 0
+        self.waiting_bytes: int = 0
+        self._max_bytes = max_bytes
+        self._frames: deque[Frame] = deque()
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def put(self, frame: Frame) -> None:
+        """Add a frame; a full queue drops it, or the oldest ones.
+
+        >>> queue = SendQueue(max_pages=2)
+        >>> for frame in (b"a", b"b", b"c"):
+        ...     queue.put(frame)
+        >>> queue.take(), queue.dropped
+        ([b'b', b'c'], 1)
+        """
+        while self._frames and not self._has_room_for(frame):
+            if self.policy == "refuse":
+                self._drop(frame)
+                return
+            oldest = self._frames.popleft()
+            self.waiting_bytes -= len(oldest)
+            self._drop(oldest)
+        self._frames.append(frame)
+        self.waiting_bytes += len(frame)
+
+    def take(self, max_bytes: int | None = None) -> list[Frame]:
+        """Remove and return the oldest frames: at least one if any waits, and about `max_bytes` at most."""
+        frames: list[Frame] = []
+        taken_bytes = 0
+        while self._frames and (max_bytes is None or taken_bytes < max_bytes):
+            frames.append(self._frames.popleft())
+            taken_bytes += len(frames[-1])
+        self.waiting_bytes -= taken_bytes
+        return frames
+
+    def _drop(self, frame: Frame) -> None:
+        self.dropped += 1
+
+    def _has_room_for(self, frame: Frame) -> bool:
+        return len(self._frames) < self.max_pages and self.waiting_bytes + len(frame) <= self._max_bytes
+
+
+class FairQueue(Generic[Frame]):
+    """First in, first out for each peer; peers are read in rounds of equal shares. Arguments are those of SendQueue.
+
+    A full queue drops and counts pages of the peer of which most wait, by frames or by bytes, whichever are too many:
+    so no peer can use up the others' places.
     """
 
     def __init__(
