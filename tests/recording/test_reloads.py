@@ -4,11 +4,13 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 from snr_sim import Config, SimClock, tasks
+from snr_sim.core.reload.sources import ModuleReload
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.checker import NodeReplay
 from snr_sim.recording.reader import Trace, read_trace
@@ -165,6 +167,29 @@ def test_run_with_reloads_of_edited_files_replays_as_recorded_by_snr(tmp_path: P
     done = snr(tmp_path, "replay", trace.path.parent)
     assert done.stdout.startswith("identical: "), done.stdout + done.stderr
     assert "was reloaded with other code" not in done.stderr
+
+
+@pytest.mark.slow
+def test_reload_of_a_program_whose_file_was_emptied_fails_and_replays(tmp_path: Path) -> None:
+    (tmp_path / "edit.py").write_text("")
+    trace = record(tmp_path, "sim")
+    page = pages(trace, "reload")[0]
+    assert not page["ok"]
+    assert "no longer has the class Pilot" in page["message"]
+    done = snr(tmp_path, "replay", trace.path.parent)
+    assert done.stdout.startswith("identical: "), done.stdout + done.stderr
+
+
+def test_reload_of_a_program_keeps_only_what_its_start_alone_defines(tmp_path: Path) -> None:
+    file = tmp_path / "robot.py"
+    file.write_text("def gone(): pass\nif __name__ == '__main__':\n    def started(): pass\n")
+    module = ModuleType("__main__")
+    module.__file__ = str(file)
+    exec(file.read_text(), vars(module))
+    file.write_text("if __name__ == '__main__':\n    def started(): raise AssertionError\n")
+    ModuleReload(module).execute()
+    assert "gone" not in vars(module)
+    assert module.started() is None
 
 
 @pytest.mark.slow

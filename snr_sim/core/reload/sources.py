@@ -176,7 +176,9 @@ class ModuleReload:
         path = str(self.module.__file__)
         source_files().check(Path(path), self._source)
         tree = ast.parse(decode_source(self._source), path)
+        kept: set[str] = set()
         if self.module.__name__ == "__main__":
+            kept = _defined_by_program(tree)
             tree = ast.fix_missing_locations(_NotMain().visit(tree))
         code = compile(tree, path, "exec", dont_inherit=True)
         namespace = vars(self.module)
@@ -190,8 +192,7 @@ class ModuleReload:
             raise
         finally:
             reloading_file.reset(token)
-        if self.module.__name__ != "__main__":
-            self._delete_removed(before)
+        self._delete_removed({name: value for name, value in before.items() if name not in kept})
 
     def _delete_removed(self, before: dict[str, object]) -> None:
         """Delete functions and classes that the new code does not define any more, so that calls of them fail."""
@@ -232,13 +233,25 @@ def _show(path: Path, source: bytes) -> None:
     linecache.cache[str(path)] = size, time_s, lines, str(path)
 
 
+def _is_main(node: ast.AST) -> bool:
+    """Return whether an expression compares `__name__` with "__main__"."""
+    match node:
+        case ast.Compare(ast.Name("__name__"), [ast.Eq()], [ast.Constant("__main__")]) | ast.Compare(
+            ast.Constant("__main__"), [ast.Eq()], [ast.Name("__name__")]
+        ):
+            return True
+    return False
+
+
+def _defined_by_program(tree: ast.Module) -> set[str]:
+    """Return the functions and classes that only a start as a program defines."""
+    below = [one for one in tree.body if isinstance(one, ast.If) and any(map(_is_main, ast.walk(one.test)))]
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+    return {node.name for one in below for node in ast.walk(one) if isinstance(node, kinds)}
+
+
 class _NotMain(ast.NodeTransformer):
     """Transformer that makes `__name__ == "__main__"` false, so that a reload does not start the program again."""
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
-        match node:
-            case ast.Compare(ast.Name("__name__"), [ast.Eq()], [ast.Constant("__main__")]) | ast.Compare(
-                ast.Constant("__main__"), [ast.Eq()], [ast.Name("__name__")]
-            ):
-                return ast.copy_location(ast.Constant(False), node)
-        return node
+        return ast.copy_location(ast.Constant(False), node) if _is_main(node) else node
