@@ -87,7 +87,7 @@ def memory_bytes(raw: bytes) -> int:
 
 
 def _is_too_deep(raw: bytes) -> bool:
-    brackets = _without_texts(raw).translate(_SHAPE, _NO_BRACKETS)
+    brackets = without_texts(raw).translate(_SHAPE, _NO_BRACKETS)
     depth = 1  # the innermost are the most frequent, and are removed by C code
     for opened in brackets.replace(b"[]", b"").split(b"]"):
         depth += len(opened)
@@ -97,20 +97,21 @@ def _is_too_deep(raw: bytes) -> bool:
     return False
 
 
-def _without_texts(raw: bytes) -> bytes:
+def without_texts(raw: bytes) -> bytes:
+    """Return JSON without its texts: brackets and digits in them do not count."""
     if b"\\" in raw:
         raw = raw.replace(b"\\\\", b"").replace(b'\\"', b"")
     return b"".join(raw.split(b'"')[::2])
 
 
 def _has_long_int(raw: bytes) -> bool:
-    found = _LONG_INT.findall(_without_texts(raw))
+    found = _LONG_INT.findall(without_texts(raw))
     return any(len(digits) > _MAX_INT_CHARS or not MIN_INT <= int(digits) <= MAX_INT for digits in found)
 
 
 def check_exponents(raw: bytes) -> None:
     """Raise ValueEncodingError if JSON has so many numbers with long exponents that it takes long to decode."""
-    if len(_LONG_EXPONENT.findall(_without_texts(raw))) > MAX_LONG_EXPONENTS:
+    if len(raw) > 5 * MAX_LONG_EXPONENTS and len(_LONG_EXPONENT.findall(without_texts(raw))) > MAX_LONG_EXPONENTS:
         raise ValueEncodingError(
             f"More than {MAX_LONG_EXPONENTS} numbers are beyond 1e99 or below 1e-99.", fix="send them as a numpy array."
         )

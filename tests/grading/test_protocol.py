@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from snr_sim.grading import Student
 from snr_sim.grading.lab.verdicts import SubmissionError
-from snr_sim.grading.remote.protocol import MAX_DEPTH, ProtocolError, check_depth, decode_response, plain_value
+from snr_sim.grading.remote.protocol import MAX_DEPTH, ProtocolError, check_cost, decode_response, plain_value
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),
@@ -29,16 +29,22 @@ def depth_of(value: object) -> int:
 
 
 @given(VALUES, st.integers(0, 40), st.text(alphabet='[]{}"\\', max_size=60))
-def test_check_depth_rejects_exactly_too_deep_values(value: object, more: int, text: str) -> None:
+def test_check_cost_rejects_exactly_too_deep_values(value: object, more: int, text: str) -> None:
     value = [value, text]
     for _ in range(more):
         value = [value]
     data = json.dumps(value).encode()
     if depth_of(value) > MAX_DEPTH:
         with pytest.raises(ProtocolError):
-            check_depth(data)
+            check_cost(data)
     else:
-        check_depth(data)
+        check_cost(data)
+
+
+def test_numbers_that_are_slow_to_decode_are_refused() -> None:
+    with pytest.raises(ProtocolError, match="More than 1000 numbers are beyond 1e99"):
+        check_cost(b"[" + b"1e300," * 1001 + b"1]")
+    check_cost(b"[" + b"1e300," * 1000 + b"1]")
 
 
 @given(st.binary(max_size=60))

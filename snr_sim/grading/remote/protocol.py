@@ -18,6 +18,7 @@ import msgspec
 
 from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import SentCode
+from snr_sim.links.wire_bounds import check_exponents, without_texts
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.values import JSON_ERRORS, decode_value
 
@@ -156,7 +157,9 @@ class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
                 text, "What your program gives there is not what is asked for: compare it with the lab's page."
             )
         if self.step == "load":
-            then = "look at the line named." if self.fix else "run it with Python, and look at the line named."
+            then = (
+                "look at the line named." if "\n  Try: " in text else "run it with Python, and look at the line named."
+            )
             return SubmissionError(text, f"Your file could not be read to its end: {then}")
         return SubmissionError(text, "Your program raised an error: look at the line named.")
 
@@ -252,6 +255,7 @@ encode: Callable[[Any], bytes] = msgspec.json.Encoder().encode
 decode_request: Callable[[bytes], CallRequest] = msgspec.json.Decoder(CallRequest).decode
 _decode_response = msgspec.json.Decoder(CallResponse).decode
 T = TypeVar("T")
+_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 
 
 def decode_response(line: bytes | bytearray) -> CallResponse:
@@ -272,7 +276,7 @@ def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
     Raises:
         ProtocolError: it has another one.
     """
-    check_depth(bytes(raw))
+    check_cost(bytes(raw))
     try:
         return decoder.decode(raw)
     except JSON_ERRORS as error:
@@ -286,23 +290,27 @@ def plain_value(raw: msgspec.Raw) -> Any:
         ProtocolError: it is nested too deeply, or no such value.
     """
     data = bytes(raw)
-    check_depth(data)
+    check_cost(data)
     try:
         return decode_value(data)
     except ValueEncodingError as error:
         raise ProtocolError(f"{BROKEN}: its value is not valid: {error.message}") from error
 
 
-def check_depth(data: bytes) -> None:
-    """Check that JSON is not nested too deeply for a recursive reader.
+def check_cost(data: bytes) -> None:
+    """Check that JSON is neither nested too deeply for a recursive reader, nor full of numbers that are slow to decode.
 
     Raises:
         ProtocolError: it is.
     """
+    try:
+        check_exponents(data)
+    except ValueEncodingError as error:
+        raise ProtocolError(f"{BROKEN}: {error.message}") from error
     if data.count(b"[") + data.count(b"{") <= MAX_DEPTH:
         return
     depth = deepest = 0
-    for byte in _without_texts(data):
+    for byte in without_texts(data).translate(None, _NO_BRACKETS):
         if byte in b"[{":
             depth += 1
             deepest = max(deepest, depth)
@@ -310,14 +318,3 @@ def check_depth(data: bytes) -> None:
             depth -= 1
     if deepest > MAX_DEPTH:
         raise ProtocolError(f"Its answer is nested {deepest} levels deep, which is too deep.")
-
-
-_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
-
-
-def _without_texts(data: bytes) -> bytes:
-    """Return the brackets that are not in texts."""
-    if b'"' not in data:
-        return data.translate(None, _NO_BRACKETS)
-    parts = data.replace(b"\\\\", b"").replace(b'\\"', b"").split(b'"')
-    return b"".join(parts[::2]).translate(None, _NO_BRACKETS)
