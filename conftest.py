@@ -111,7 +111,7 @@ class FastLaneGuard:
     # Of the recorder and its listener, of the handling of signals, of the watchdogs, and of prompt_toolkit; loops
     # have threads on the wall clock only.
     ALLOWED_THREADS = (
-        "trace-flusher", "trace-listener", "wake_up", "watchdog", "slow start", "patch-stdout-flush-thread",
+        "trace-flusher", "trace-listener", "wake_up", "watchdog", "slow start", "output", "patch-stdout-flush-thread",
     )  # fmt: skip
 
     def __init__(self) -> None:
