@@ -92,11 +92,12 @@ def digest_of_changes(records: list[Record]) -> str:
 
 
 def changes_of(records: list[Record]) -> Iterator[dict[str, Any]]:
-    """Yield all changes of state in a run, as its events "<name>.transition" have them."""
+    """Yield all changes of machines' states in a run, as their events "<name>.transition" have them; none of flows."""
     for record in records:
         if isinstance(record, Executed) and record.type == "event" and record.name.endswith(_TRANSITION):
             (change,) = decode_value(bytes(record.values))
-            yield change
+            if isinstance(change, dict) and "kind" in change:
+                yield change
 
 
 def write(edits: Edits, folder: Path) -> None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec import Raw, structs
 
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.recording.reader import Trace, read_trace
-from snr_sim.recording.records import InputRecord
+from snr_sim.recording.records import InputRecord, TaskRecord
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.machine_edits import TABLE, Edits, changes_again, digest_of_changes, edits_of, write
 from snr_sim.scenario.simulation import Request, prepare
@@ -71,6 +73,13 @@ def test_files_give_the_same_run_again(edited: Trace, tmp_path: Path) -> None:
     texts = [(folder / f"{number}.lrp").read_text() for number in range(3)]
     again = Edits(table["scenario"], table["seed"], table["options"], "dora", texts, table["at_s"])
     assert changes_again(again, folder / "0.lrp") == table["changes"] == digest_of_changes(edited.records)
+
+
+def test_changes_of_a_flow_are_no_changes_of_a_machine(edited: Trace) -> None:
+    change = next(one for one in edited.records if isinstance(one, TaskRecord) and one.name == "dora.transition")
+    move = {"t_ns": 0, "machine": "flow", "source": "a", "target": "b", "outcome": "done", "held_s": 1.0}
+    of_flow = structs.replace(change, values=Raw(json.dumps([move]).encode()))
+    assert digest_of_changes([*edited.records, of_flow]) == digest_of_changes(edited.records)
 
 
 def test_other_times_or_fewer_edits_give_another_digest(edited: Trace, tmp_path: Path) -> None:
