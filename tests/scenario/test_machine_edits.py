@@ -75,7 +75,7 @@ def test_files_give_the_same_run_again(edited: Trace, tmp_path: Path) -> None:
     assert changes_again(again, folder / "0.lrp") == table["changes"] == digest_of_changes(edited.records)
 
 
-def test_changes_of_a_flow_are_no_changes_of_a_machine(edited: Trace) -> None:
+def test_changes_of_a_flow_do_not_count_for_machines(edited: Trace) -> None:
     change = next(one for one in edited.records if isinstance(one, TaskRecord) and one.name == "dora.transition")
     move = {"t_ns": 0, "machine": "flow", "source": "a", "target": "b", "outcome": "done", "held_s": 1.0}
     of_flow = structs.replace(change, values=Raw(json.dumps([move]).encode()))
