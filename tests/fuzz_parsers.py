@@ -57,12 +57,12 @@ from snr_sim.view.view import view_of
 from snr_sim.web.messages import decode_from_page
 from snr_sim.web.timeline import RecordedTimeline
 
-MAX_CPU_S_PER_100_KB = 0.3  # a page of one byte and its warning take 2.5 us; times are those of an AMD EPYC
-JSON_S = 0.1  # CPU time there of 100 000 calls of json.loads for one digit
+MAX_CPU_S_PER_100_KB = 0.1  # times are those of an AMD EPYC
+JSON_S = 0.1  # CPU time of 100 000 calls of json.loads there, by its ratio to a computer that was measured
 MIN_CPU_S = 0.05  # an input of any size may take this long: the first calls fill caches
 MAX_MEMORY_FACTOR = 30.0  # an empty list is three bytes of JSON and 56 of memory
 MIN_MEMORY_BYTES = 4 << 20
-PICTURE_BYTES = 16 << 20  # however short its input
+PICTURE_BYTES = 16 << 20  # 9 MB for a valid trace, too: the canvas
 MAX_BYTES = 120_000
 
 

@@ -126,6 +126,9 @@ class PageReader(_Reader[Page]):
         """
         for line in () if self._file.closed else self._file:
             self._number += 1
+            if line.isspace():
+                self._skip(_EMPTY)
+                continue
             try:
                 stored = self._stored(line)
             except (ValueEncodingError, *JSON_ERRORS) as error:
@@ -159,6 +162,9 @@ class PageReader(_Reader[Page]):
         if len(self._warnings) < MAX_WARNINGS:
             reason = error.message if isinstance(error, ValueEncodingError) else f"This is not a page ({error})."
             self._warnings.append(f"{self.path}, line {self._number} was left out: {reason}")
+
+
+_EMPTY = ValueEncodingError("It is empty.")
 
 
 class _Start(msgspec.Struct):

@@ -112,6 +112,17 @@ def test_invalid_page_in_recording_of_2021_is_skipped_with_warning(tmp_path: Pat
     assert len(reader.warnings) == 1
 
 
+def test_empty_lines_of_pages_are_counted_and_named(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    file.write_bytes(b"\n".join([page(1), b"", b" \r", page(2), b""]))
+    reader = PageReader(file)
+    assert [page.data for page in reader] == [1, 2]
+    assert [one.partition(", ")[2] for one in reader.warnings] == [
+        "line 2 was left out: It is empty.",
+        "line 3 was left out: It is empty.",
+    ]
+
+
 @pytest.mark.parametrize("kind", [TextReader, PageReader])
 def test_missing_file_is_named(tmp_path: Path, kind: Any) -> None:
     with pytest.raises(RecordingError, match=r"none\.txt cannot be read: No such file"):
