@@ -71,11 +71,10 @@ def test_reference_gets_all_points_on_all_hidden_cases(mark: Callable[..., Any])
 
 @pytest.mark.nightly(minutes=2)
 @pytest.mark.parametrize(("file", "ranging"), [("stereo.py", "stereo"), ("lidar.py", "lidar"), ("slow.py", "stereo")])
-def test_reference_clears_19_of_20_yards(file: str, ranging: str, tmp_path: Path) -> None:
-    """The robot's own controller clears a hundred with each sensor in tests/robots/test_housecat.py."""
+def test_reference_clears_49_of_50_yards(file: str, ranging: str, tmp_path: Path) -> None:
     write_solution(LAB, tmp_path)
     failures = []
-    for seed in range(100, 120):
+    for seed in range(100, 150):
         request = Request("housecat_clear", seed, controller=str(tmp_path / file), options={"ranging": ranging})
         simulation = prepare(request)
         plant = simulation.plant()
