@@ -122,8 +122,11 @@ class _Writer:
         return not self._is_closed and os.getpid() == self._process
 
     def put(self, stream: UnblockedStream, text: str) -> None:
-        """Add text of a stream, or drop it and count its lines. A line that has begun is dropped only if it is long."""
-        max_chars = 2 * MAX_CHARS if stream.is_in_line else MAX_CHARS
+        """Add text of a stream, or drop it and count its lines. A line that has begun is dropped only if it is long.
+
+        Once lines are dropped, they are until half of the text that waits is written: few long gaps, each noted once.
+        """
+        max_chars = MAX_CHARS * (2 if stream.is_in_line else 0.5 if stream.dropped_lines else 1)
         with self._changed:
             if stream.is_dropping or self._chars + len(text) > max_chars:
                 stream.dropped_lines += text.count("\n")
