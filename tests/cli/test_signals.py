@@ -31,9 +31,12 @@ main()
 
 
 def run_limited(limit: int, *words: str) -> subprocess.CompletedProcess[str]:
-    """Run `snr` where no file may be longer than this: what a full disk looks like from a program."""
+    """Run `snr` where no file may be longer than this: what a full disk looks like from a program.
+
+    It writes no bytecode: Python before 3.14 keeps the file of a module that it could write a part of only.
+    """
     code = LIMITED.format(limit=limit, words=list(words))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    return subprocess.run([sys.executable, "-B", "-c", code], capture_output=True, text=True, timeout=300)
 
 
 def assert_whole(folder: Path, fields: dict[str, Any]) -> None:
