@@ -88,12 +88,7 @@ class MujocoBody:
         return lower + lower.T - np.diag(np.diag(lower))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Set the body's pose.
-
-        Args:
-            pose: x, y, z [m] and the quaternion w, x, y, z.
-            velocity: linear in the world, then angular in the body's frame.
-        """
+        """Set x, y, z [m] and quaternion w, x, y, z; velocity: linear in the world, angular in the body's frame."""
         self._qpos[:] = pose
         self._qvel[:] = velocity
 
@@ -112,11 +107,9 @@ class MujocoBody:
         return velocity
 
     def detect_contacts(self) -> bool:
-        """Have MuJoCo find out where everything is and what touches, and what its own mass matrix and forces are.
+        """Have MuJoCo find what touches, and its own mass matrix and forces; return whether anything touches.
 
-        Returns:
-            whether anything touches. If not, and the body is alone, `put` can end the step as well as `move`, for a
-            tenth of the time.
+        If not, and the body is alone, `put` can end the step as well as `move`, for a tenth of the time.
         """
         self._step1(self._model, self._data)
         return bool(self._data.nefc)
@@ -144,9 +137,7 @@ class MujocoBody:
         model.opt.timestep = own_s
 
     def limit_grip(self, pressed_n: float) -> None:
-        """Limit the friction that contacts of a sliding body request to about the maximum.
-
-        Call it between `detect_contacts` and `move`.
+        """Limit the friction that contacts of a sliding body request; call it between `detect_contacts` and `move`.
 
         MuJoCo asks a contact to stop what slides within its time constant, and finds friction and pressure in one: what
         it cannot have as friction it gives as pressure. A vehicle that slid at 1 m/s was thrown up by each contact; the

@@ -85,8 +85,7 @@ class McuPwm(PwmBackend):
     def _receive(self, reasons: list[str]) -> None:
         """Process the messages that the board has sent since the last call.
 
-        Raises:
-            DeviceError: the wire is gone, the board is silent, or it has lost our session; the port is closed.
+        A wire that is gone, a silent board or a lost session raises a DeviceError, and the port is closed.
         """
         board = self.board
         try:
@@ -266,11 +265,7 @@ class McuPower(LifeCycle):
         self._board, self._scale = board, scale
 
     def read(self) -> PowerReading | Stale:
-        """Return the reading in the newest telemetry.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the reading in the newest telemetry; raise a SensorLostError if it was closed."""
         board = self._board
         if self.state == "closed":
             raise SensorLostError(f"{self.title} was closed.", fix="open another.")

@@ -57,11 +57,7 @@ class Gps(LifeCycleSensor):
         self._lines, self._received_bytes, self._last, self._quality = NmeaLines(), 0, b"", None
 
     def read(self) -> GpsReading | Stale:
-        """Return the newest fix.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the newest fix; raise a SensorLostError if it was closed."""
         try:
             if self.state == "error" and self._now_s() >= self._retry_s:
                 self._retry_s = self._now_s() + RETRY_PERIOD_S

@@ -112,11 +112,7 @@ class Icm20948(LifeCycleSensor):
         self._newest = self._measure()
 
     def read(self) -> ImuReading | Stale:
-        """Return a new measurement.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return a new measurement; raise a SensorLostError if it was closed."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle
@@ -179,7 +175,6 @@ class Icm20948(LifeCycleSensor):
         return ImuReading(rate, force, list(self._field_ut), *roll_pitch_yaw_rad(attitude), at_s)
 
     def _update_field(self, status_and_field: bytes) -> None:
-        """Store the field if it is new and not saturated."""
         ready, x, y, z, _, status = struct.unpack("<B3hBB", status_and_field)
         if ready & 1 and not status & OVERFLOW:
             chip = [x * UT_PER_COUNT, -y * UT_PER_COUNT, -z * UT_PER_COUNT]

@@ -92,11 +92,7 @@ class Ms5837I2c(LifeCycleSensor):
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
-        """Return the newest reading; fetch the finished conversion, and start the next one.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the newest reading; fetch the finished conversion, and start the next. Closed: a SensorLostError."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle

@@ -55,9 +55,7 @@ class Rays:
     def block_of(self, corners: Sequence[Point], radius_m: float = 0.0) -> Any:
         """Return the index of the rays that can hit what is between some corners; None if there are none.
 
-        Args:
-            corners: relative to the origin.
-            radius_m: of a ball around each of them.
+        Corners are relative to the origin, with a ball of `radius_m` around each of them.
         """
         return ...  # all, as they are in no order
 

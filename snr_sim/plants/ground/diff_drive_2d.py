@@ -121,7 +121,6 @@ class DiffDrive2D(GroundVehicle[DriveState]):
         self.people_m = tuple(moved)
 
     def _place(self) -> None:
-        """Put the body and people in the space of queries where they are."""
         super()._place()
         if self.people_m:
             walked = zip(self.people_m, self.room.walkers, strict=True)

@@ -66,7 +66,6 @@ class GroundVehicle(Generic[StateT]):
     # -- start, and being put back ------------------------------------------------------------------------------------
 
     def _start(self, seed: int, *types: type) -> Any:
-        """Return what `start_of` returns for a seed, of these types."""
         given = self.start_of(seed)
         is_start = isinstance(given, tuple) and tuple(map(type, given)) == types
         *others, last = (f"a {one.__name__}" for one in types)
@@ -109,7 +108,6 @@ class GroundVehicle(Generic[StateT]):
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def _check_command(self, name: str, command: Any, *values: float) -> None:
-        """Check the name of a command's input, and its values."""
         if name not in self.inputs:
             raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         if not all(map(math.isfinite, values)):
@@ -146,5 +144,4 @@ class GroundVehicle(Generic[StateT]):
         self.way_m += step_s * math.sqrt(vx * vx + vy * vy)
 
     def _place(self) -> None:
-        """Put the body in the space of queries where it is."""
         self._space.put_body(*self.position_m, self.heading_rad)

@@ -38,12 +38,7 @@ class WallContacts:
         return self._free_steps <= 0
 
     def resolve(self, space: RoomSpace, speeds: Speeds) -> tuple[Speeds, float]:
-        """Return the speeds after all contacts, and the largest speed of a part towards what it met [m/s].
-
-        Args:
-            space: with the body and people where they are.
-            speeds: before.
-        """
+        """Return the speeds after all contacts, and the largest speed of a part towards what it met [m/s]."""
         clearance_m = space.clearance_m()
         if clearance_m > 0.0:
             self._free_steps = int(clearance_m / self._way_m)

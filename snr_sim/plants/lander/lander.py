@@ -116,11 +116,7 @@ class Lander(ABC):
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
 
     def _start(self, seed: int) -> tuple[PlaneStart, Terrain]:
-        """Return the start and the ground that belong to a seed.
-
-        Raises:
-            ParameterError: they are not valid, or a part of the module is in the ground.
-        """
+        """Return the start and the ground of a seed; raise a ParameterError if a part of the module is in that."""
         given = self.start_of(seed)
         is_start = isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)
         check_valid(is_start, f"The start of seed {seed}", given, "return a PlaneStart and a Terrain.")
@@ -138,11 +134,9 @@ class Lander(ABC):
         return start, terrain
 
     def _flight_state(self) -> dict[str, Any]:
-        """Return what both engines' states have in common, by the names of their fields."""
         return {name: getattr(self, name) for name in IN_BOTH}
 
     def _restore_flight(self, state: LanderState) -> None:
-        """Put that back."""
         for name in IN_BOTH:
             setattr(self, name, getattr(state, name))
 
@@ -218,11 +212,9 @@ class Lander(ABC):
             self._advance()
 
     def _burn(self) -> Kick:
-        """Let throttle and nozzle follow their commands for a step.
+        """Let throttle and nozzle follow their commands for a step; return what engine and jets give the module in it.
 
-        Returns:
-            what engine and jets give the module in it: change of velocity to its side and upwards, in its own frame,
-            and twist.
+        That is the change of velocity to its side and upwards, in its own frame, and twist.
         """
         mean = throttle = self.throttle
         goal, gimbal_goal, jets = self.command
@@ -298,7 +290,6 @@ class Lander(ABC):
         raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
 
     def _true_values(self, pose: BodyPose) -> dict[str, Any]:
-        """Return the numbers of `truth`."""
         return {
             "altitude_m": pose.z_m - PADS_BELOW_M - self.terrain.ground(pose.x_m)[0],
             "vertical_mps": pose.vz_mps,

@@ -145,11 +145,7 @@ class Lander1D:
         return RadarReading(self.height_m, self.velocity_mps, self.time_s)
 
     def step(self, dt_s: float) -> None:
-        """Advance by any time, in at most two pieces: with propellant and without.
-
-        Raises:
-            ParameterError: the time is not a number greater than 0.
-        """
+        """Advance by a time greater than 0, in at most two pieces: with propellant and without."""
         if not 0.0 < dt_s < math.inf:  # also NaN
             raise ParameterError(f"This plant moves on, and not by {dt_s} s.", fix="give more than 0 s, and an end.")
         if self.outcome:

@@ -82,7 +82,6 @@ class Lander2D(Lander):
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def _advance(self) -> None:
-        """Let engine, jets and legs push, then move the body."""
         self._pose = None
         kick = self._fire()
         self._far_steps -= 1

@@ -63,7 +63,6 @@ class Lander3D(Lander):
         self.restore(LanderState(self._hull.state(), start.mass_kg, start.fuel_kg, self.terrain, attitude_rad=attitude))
 
     def _build(self) -> None:
-        """Rebuild the world if the ground has changed."""
         if self._hull.terrain is not self.terrain:
             self._hull = Hull3D(self.module, self.terrain, self.step_s)
 

@@ -40,7 +40,6 @@ class Pool2D:
         self._build(0.0)
 
     def _build(self, y_m: float) -> None:
-        """Build the cut at a y."""
         pymunk, pool = self._pymunk, self._pool
         self._y_m = y_m
         self._space = space = pymunk.Space()
@@ -123,7 +122,6 @@ class Pool2D:
         return solid, depth_m
 
     def _hits(self) -> Iterator[tuple[str, Contact]]:
-        """Yield what the frame touches, by name, and where."""
         x, z, _ = self.plane_pose()
         self._frame.cache_bb()
         for hit in self._space.shape_query(self._frame):

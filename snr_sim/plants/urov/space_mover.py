@@ -184,10 +184,9 @@ class SpaceMover(Mover):
         )
 
     def _move_touching(self, nu: Six, wrench: Sequence[float], step_s: float) -> Vector:
-        """Let MuJoCo move on, with the water's forces at the step's begin: contacts may stop what would have moved.
+        """Let MuJoCo move on; return what contacts push, world frame.
 
-        Returns:
-            what contacts push, world frame.
+        The water's forces are those at the step's begin: contacts may stop what would have moved.
         """
         motion, water, body = self._motion, self._water, self._body
         water.entrained_fraction = water.wet

@@ -81,7 +81,6 @@ class PlaneMover(Mover):
         self._pitch = self._plane.plane_pose()[2]
 
     def _follow_mass(self) -> None:
-        """Take over the mass of vehicle and water if it has changed."""
         mass, wet = self._water.hydro.mass, self._water.wet
         if self._known_mass[0] is not mass or self._known_mass[1] != wet:
             self._known_mass = mass, wet
@@ -132,7 +131,6 @@ class PlaneMover(Mover):
         return x, z, rate
 
     def _take_over(self, after: Three) -> None:
-        """Take over where the step led to."""
         motion = self._motion
         (vx, _, vz), (_, y, _) = motion.velocity, motion.position
         x, z, pitch = self._plane.plane_pose()

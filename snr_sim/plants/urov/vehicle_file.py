@@ -60,7 +60,6 @@ def read_vehicle(path: Path | str) -> Vehicle:
 
 
 def _tables(path: Path) -> dict[str, Any]:
-    """Return the file's content."""
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -77,7 +76,6 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
-    """Return the vehicle of the file's tables."""
     _check_keys("the file", data, "key of a vehicle file", _KNOWN)
     frame = data.get("frame")
     if not isinstance(frame, str) or frame not in FRAMES:
@@ -123,7 +121,6 @@ def _sources(data: dict[str, Any]) -> dict[str, str]:
 
 
 def _source(what: str, key: Any, named: dict[str, str]) -> str:
-    """Return the text of a source."""
     if not isinstance(key, str) or key not in named:
         raise ParameterError(
             f"{what} is {format_value(key)}, which is not a value with a source that [sources] has.",
