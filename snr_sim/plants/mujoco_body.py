@@ -31,9 +31,8 @@ MIN_PRESSED_FRACTION = 0.1  # fraction of its weight by which a body counts as p
 class MujocoBody:
     """The body, found once in MuJoCo's arrays: each access there costs as much as a step's arithmetic.
 
-    Raises:
-        ParameterError: the body does not move freely, has moving parts, or MuJoCo keeps only the diagonal of its mass
-            matrix: then added mass that is not diagonal in the world would be lost without a word.
+    Raises a ParameterError if it does not move freely, has moving parts, or MuJoCo keeps only the diagonal of its mass
+    matrix: then added mass that is not diagonal in the world would be lost without a word.
     """
 
     def __init__(self, world: MujocoWorld, name: str) -> None:

@@ -157,8 +157,7 @@ AXES_OF = {2: ("x", "z"), 3: ("x", "y", "z"), 6: AXES}  # unless an annotation n
 class Record:
     """Base of frozen dataclasses that are checked when they are made, as in `class Leak(Record, who="The leak's ")`.
 
-    Raises:
-        ParameterError: a number is out of range; the message names it, its owner and the usual range.
+    The ParameterError for a number that is out of range names it, its owner and the usual range.
     """
 
     _who = ""

@@ -252,12 +252,7 @@ class PowerScale:
 
 
 class McuPower(LifeCycle):
-    """A power module at pins A0 and A1 of the microcontroller. Implements `PowerMonitor`.
-
-    Args:
-        board: its board.
-        scale: of the installed module.
-    """
+    """A power module of some `scale` at pins A0 and A1 of the microcontroller. Implements `PowerMonitor`."""
 
     title = "The power module at the microcontroller"
 

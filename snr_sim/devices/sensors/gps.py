@@ -23,9 +23,7 @@ _SHOWN = 16
 class Gps(LifeCycleSensor):
     """The receiver. Implements `Sensor`; reads `GpsReading`, and is stale without a fix.
 
-    Args:
-        open_port: opens the port.
-        now_s: the clock that stamps readings on arrival.
+    `now_s` is the clock that stamps readings on arrival.
     """
 
     def __init__(self, open_port: Callable[[], BytePort], now_s: Callable[[], float]) -> None:

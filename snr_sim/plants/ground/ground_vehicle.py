@@ -31,10 +31,7 @@ StateT = TypeVar("StateT", bound=Any)  # a NamedTuple of the attributes that are
 class GroundVehicle(Generic[StateT]):
     """Base of plants that drive on a floor.
 
-    Args:
-        vehicle: its numbers.
-        start_of: returns the start and the room of a seed, and what else there is.
-        step_s: of integration.
+    `start_of` returns the start and the room of a seed, and what else there is.
 
     Raises:
         ParameterError: a number is out of range, or a start is not on the floor or touches something.
@@ -62,8 +59,6 @@ class GroundVehicle(Generic[StateT]):
         self.engine: str = f"pymunk {pymunk_module().version}"
         self._vehicle = vehicle
         self._lag = DriveLag(vehicle.lag_s, step_s)
-
-    # -- start, and being put back ------------------------------------------------------------------------------------
 
     def _start(self, seed: int, *types: type) -> Any:
         given = self.start_of(seed)
@@ -104,8 +99,6 @@ class GroundVehicle(Generic[StateT]):
     def time_s(self) -> float:
         """Simulated time since the last reset: a count, so that nothing adds up."""
         return self.steps * self.step_s
-
-    # -- moving -------------------------------------------------------------------------------------------------------
 
     def _check_command(self, name: str, command: Any, *values: float) -> None:
         if name not in self.inputs:

@@ -26,12 +26,7 @@ class Push(NamedTuple):
 
 
 class Soil:
-    """The rules by which the stones of a heap move.
-
-    Args:
-        heap: its numbers.
-        blade_m: width of the blade.
-    """
+    """The rules by which the stones of a heap move in front of a blade."""
 
     def __init__(self, heap: Heap, blade_m: float) -> None:
         self._heap = heap

@@ -18,12 +18,7 @@ GRAVITY_MPS2 = 9.80665
 
 
 class Traction:
-    """The wheels of a vehicle.
-
-    Args:
-        explorer: its numbers.
-        step_s: of integration.
-    """
+    """The wheels of a vehicle."""
 
     def __init__(self, explorer: Explorer, step_s: float) -> None:
         self._arm_m = -explorer.axle_m  # from the axle to the centre of mass

@@ -9,13 +9,9 @@ Speeds = tuple[float, float, float]  # of the centre of mass along x and y, worl
 
 
 class WallContacts:
-    """Impulses at contacts, and when the next is possible.
+    """Impulses at contacts of a body, and when the next is possible.
 
-    Args:
-        mass_kg, inertia_kgm2: of the body.
-        friction: coefficient of it on walls.
-        fastest_mps: that a part of it and a person can approach each other with.
-        step_s: of integration.
+    `fastest_mps` is the largest speed at which a part of it and a person can approach each other.
     """
 
     def __init__(self, mass_kg: float, inertia_kgm2: float, friction: float, fastest_mps: float, step_s: float) -> None:

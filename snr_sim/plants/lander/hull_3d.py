@@ -67,8 +67,6 @@ class Hull3D:
         names = {body: HULL, **{world.body_id(name): name for name in PADS_M}}
         self._part_of = [names.get(int(number), GROUND) for number in model.geom_bodyid]
 
-    # -- the state ----------------------------------------------------------------------------------------------------
-
     def put(self, coordinates: tuple[float, ...], motion: tuple[float, ...]) -> None:
         """Set the module's pose with its legs at rest; then take its `state`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
@@ -97,8 +95,6 @@ class Hull3D:
         if self._data.ncon:
             part_of = self._part_of
             self.contacts = frozenset(part_of[a] for pair in self._data.contact.geom.tolist() for a in pair) - {GROUND}
-
-    # -- moving -------------------------------------------------------------------------------------------------------
 
     def set_mass(self, mass_kg: float) -> None:
         """Tell MuJoCo the mass of the module with its feet; the centre of mass and the gyration radius stay."""

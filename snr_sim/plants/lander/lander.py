@@ -71,6 +71,7 @@ class Lander(ABC):
     Args:
         module: its numbers.
         start_of: returns the start and the ground that belong to a seed.
+        seed: of the first run.
         step_s: of integration; see `STEP_S`.
 
     Raises:
@@ -104,7 +105,11 @@ class Lander(ABC):
     outcome: str | None
 
     def __init__(
-        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float
+        self,
+        module: LunarModule,
+        start_of: Callable[[int], tuple[PlaneStart, Terrain]],
+        seed: int = 0,
+        step_s: float = STEP_S,
     ) -> None:
         check_number("The lander's step_s", step_s, LIMITS["flight_step_s"])
         self.module: LunarModule = module
@@ -114,6 +119,8 @@ class Lander(ABC):
         self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
         self._gimbal_step = module.gimbal_rate_radps * step_s
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+        self._build(self._start(seed)[1])
+        self.reset(seed)
 
     def _start(self, seed: int) -> tuple[PlaneStart, Terrain]:
         """Return the start and the ground of a seed; raise a ParameterError if a part of the module is in that."""
@@ -162,6 +169,14 @@ class Lander(ABC):
         return self.steps * self.step_s
 
     # -- what an engine of physics brings -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _build(self, terrain: Terrain) -> None:
+        """Build the world over a ground."""
+
+    @abstractmethod
+    def reset(self, seed: int) -> None:
+        """Put the module at the start that belongs to this seed, over its ground."""
 
     @abstractmethod
     def _advance(self) -> None:

@@ -56,8 +56,6 @@ class Pool2D:
         self._solids |= {pymunk.Circle(space.static_body, POST_M, bar): name for name, bar in bars}
         space.add(self._body, *self._solids)
 
-    # -- the state ----------------------------------------------------------------------------------------------------
-
     def clear(self) -> None:
         """Put the vehicle at rest in the middle of the surface."""
         self.set_pose(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -92,8 +90,6 @@ class Pool2D:
     def restore(self, snapshot: tuple[float, PlanePose, PlanePose]) -> None:
         """Put back what `snapshot` returned."""
         self.set_pose(*snapshot)
-
-    # -- moving -------------------------------------------------------------------------------------------------------
 
     def drift(self, dt_s: float) -> None:
         """Move on at the velocity it has."""

@@ -36,12 +36,7 @@ from snr_sim.plants.urov.water_forces import SLOWING_ITERATIONS, WaterForces
 
 
 class Urov2D(Urov):
-    """The underwater vehicle in the plane. Implements `Plant`.
-
-    Args:
-        start_of: returns the dive that belongs to a seed; `in_plane` documents which parts of it are used.
-        vehicle, pool, thrusters, seed, step_s: as of `Urov`.
-    """
+    """The vehicle in the plane. Implements `Plant`; `in_plane` documents which parts of a dive are used."""
 
     def __init__(
         self,
