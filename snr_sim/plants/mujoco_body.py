@@ -53,7 +53,7 @@ class MujocoBody:
                 f"MuJoCo keeps only the diagonal of the mass matrix of '{name}', to which water adds more.",
                 fix=f'write <body name="{name}" simple="false">.',
             )
-        self._dofs = dofs = slice(dof, dof + 6)
+        dofs = slice(dof, dof + 6)
         self._qpos, self._qvel = data.qpos[first : first + 7], data.qvel[dofs]
         self._applied, self._bias = data.qfrc_applied[dofs], data.qfrc_bias[dofs]
         self._touch = data.qfrc_constraint[dofs]

@@ -108,8 +108,7 @@ class Lander1D:
     def reset(self, seed: int) -> None:
         """Put the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
-        is_start = isinstance(start, VerticalStart)
-        check_valid(is_start, f"The start of seed {seed}", start, "return a VerticalStart.")
+        check_valid(isinstance(start, VerticalStart), f"The start of seed {seed}", start, "return a VerticalStart.")
         self.time_s: float = 0.0
         self.height_m: float = float(start.height_m)
         self.velocity_mps: float = float(start.velocity_mps)

@@ -43,8 +43,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
         ParameterError: the file cannot be read, lacks a number or its source, or a number is out of range; the message
             names the file, the field and what was found in it.
     """
-    is_path = isinstance(path, str | Path)
-    check_valid(is_path, "The path of the vehicle's file", path, 'Path("vehicles/mine.toml").')
+    check_valid(isinstance(path, str | Path), "The path of the vehicle's file", path, 'Path("vehicles/mine.toml").')
     path = Path(path)
     data = _tables(path)
     try:
