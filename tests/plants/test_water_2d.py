@@ -1,16 +1,13 @@
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from snr_sim.plants.urov.hydrodynamics import AT_REST, Hydrodynamics
-from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.plants.urov.water_2d import Water2D
+from tests.plants.vehicles import HEAVY
 
-VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
-HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")
 UNDAMPED = replace(HEAVY, linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6)
 # Coupled as well: a centre of mass off the origin, and added mass that is not diagonal.
 MASS = np.diag([20.0, 21.0, 32.0, 0.5, 0.4, 0.6])
