@@ -107,10 +107,11 @@ class McuPwm(PwmBackend):
     def _on_telemetry(self, telemetry: wire.Telemetry, reasons: list[str]) -> None:
         if telemetry.session != self.board.session:
             self.disarm_reasons: list[str] = [] if telemetry.session else [RESET]
-            raise DeviceError(
-                self._session_lost_message(telemetry),
-                fix="the connection restarts by itself; command neutral to arm again.",
-            )
+            causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
+            restarted = f"the microcontroller has restarted ({', '.join(causes) or 'its boot loader'})."
+            what = "another program has greeted the microcontroller." if telemetry.session else restarted
+            fix = "the connection restarts by itself; command neutral to arm again."
+            raise DeviceError(f"{self.board.name}: {what}", fix)
         output_count = len(telemetry.widths_us)
         if output_count < self.channels:
             raise DeviceError(
@@ -146,12 +147,6 @@ class McuPwm(PwmBackend):
             self.state, self.reason = "inactive", what
             self.disarm_reasons = [word for word in words if word == STOPPED]
             reasons += [word for word in (NOT_ACTIVE, *words) if word not in reasons]
-
-    def _session_lost_message(self, telemetry: wire.Telemetry) -> str:
-        if telemetry.session:
-            return f"{self.board.name}: another program has greeted the microcontroller."
-        causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
-        return f"{self.board.name}: the microcontroller has restarted ({', '.join(causes) or 'its boot loader'})."
 
     def on_configure(self) -> None:
         """Open the board; check its identity, and that no emergency stop is set."""

@@ -172,7 +172,9 @@ class Lander1D:
         self.fuel_kg = max(0.0, self.fuel_kg - thrust_n / self.exhaust_mps * time_s)
         self.time_s += time_s
         if contact_s is not None:
-            self._touch()
+            touchdown = Touchdown(vertical_mps=-end.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
+            self.touchdown, self.outcome = touchdown, self.gear.outcome(touchdown, self.fuel_kg)  # it cannot tilt
+            self.height_m = self.velocity_mps = self.throttle = 0.0
         elif end.height_m > self.ceiling_m:
             self.outcome = "out_of_bounds"
         elif not math.isfinite(end.height_m):
@@ -203,11 +205,6 @@ class Lander1D:
             return None
         crest_s = find_root(lambda t: at(t).velocity_mps, 0.0, fastest_fall_s) if start.velocity_mps > 0.0 else 0.0
         return find_root(lambda t: at(t).height_m, crest_s, trough_s)
-
-    def _touch(self) -> None:
-        self.touchdown = Touchdown(vertical_mps=-self.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
-        self.outcome = self.gear.outcome(self.touchdown, self.fuel_kg)  # it cannot tilt
-        self.height_m = self.velocity_mps = self.throttle = 0.0
 
     @property
     def reason(self) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from snr_sim.plants.urov.pool import POST_M, WALLS_RISE_M, Pool
 from snr_sim.plants.urov.tether import Tether
-from snr_sim.plants.urov.vehicle import Thruster, Vehicle
+from snr_sim.plants.urov.vehicle import Vehicle
 
 TILE_M = 1.0  # lines on the floor
 LINES_OVER_FLOOR_M = 0.005  # or the floor would hide them
@@ -88,12 +88,8 @@ def vehicle_shapes(vehicle: Vehicle) -> list[dict[str, Any]]:
         ]
     shapes.append(_drum([0.0, 0.0, 0.1 * height], [1.0, 0.0, 0.0], 0.057, 0.17, TUBE_RGB))
     shapes.append(_drum([0.02, 0.0, -0.55 * height], [1.0, 0.0, 0.0], 0.045, 0.13, FRAME_RGB))
-    shapes += [_duct(thruster) for thruster in vehicle.thrusters]
+    shapes += [_drum(list(one.position_m), list(one.direction), DUCT_M, DUCT_M, DUCT_RGB) for one in vehicle.thrusters]
     return shapes
-
-
-def _duct(thruster: Thruster) -> dict[str, Any]:
-    return _drum(list(thruster.position_m), list(thruster.direction), DUCT_M, DUCT_M, DUCT_RGB)
 
 
 def _drum(center: list[float], axis: list[float], radius: float, half: float, rgb: list[int]) -> dict[str, Any]:
