@@ -66,7 +66,7 @@ class PygameGamepad(LifeCycle):
         self.title: str = f"Game controller {index}"
 
     def read(self) -> GamepadReading | Stale:
-        """Return the positions of sticks and buttons; `Stale` without a pad; a SensorLostError once it is closed."""
+        """Return sticks and buttons; `Stale` without a pad; raise a SensorLostError once it is closed."""
         if self.state == "closed":
             raise SensorLostError("This pad has been closed.", fix="call read() before close().")
         pygame = self._pygame

@@ -132,7 +132,7 @@ class Board:
                 )
 
     def uart_in(self, data: bytes) -> int:
-        """Put bytes on the line to the microcontroller, at its baud rate; return how many its queue (65536) took."""
+        """Put bytes on the line, at its baud rate; return how many were accepted: the queue holds 65536."""
         return int(self._library.board_put(self._board, data, len(data)))
 
     def uart_out(self) -> bytes:

@@ -92,7 +92,7 @@ class Ms5837I2c(LifeCycleSensor):
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
-        """Return the newest reading; fetch the finished conversion, and start the next. Closed: a SensorLostError."""
+        """Return the newest reading, and start the next conversion; raise a SensorLostError once it is closed."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle

@@ -85,7 +85,7 @@ class Hull3D:
         mujoco.mj_setState(self._model, self._data, np.array(state), mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def update(self) -> None:
-        """Work out from the state where everything is, and what touches; a PlantError if it is no longer finite."""
+        """Work out where everything is, and what touches; raise a PlantError if the state is not finite."""
         self.coordinates, self.motion = self._qpos.tolist(), self._qvel.tolist()
         total = ordered_sum(self.coordinates) + ordered_sum(self.motion)
         if total - total != 0.0:

@@ -123,7 +123,7 @@ class Lander(ABC):
         self.reset(seed)
 
     def _start(self, seed: int) -> tuple[PlaneStart, Terrain]:
-        """Return the start and the ground of a seed; raise a ParameterError if a part of the module is in that."""
+        """Return the start and the ground of a seed; raise a ParameterError if the module is in the ground."""
         given = self.start_of(seed)
         is_start = isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)
         check_valid(is_start, f"The start of seed {seed}", given, "return a PlaneStart and a Terrain.")

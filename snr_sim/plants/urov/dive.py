@@ -85,7 +85,7 @@ class ThrusterFault:
             )
 
     def number_in(self, names: Sequence[str]) -> int:
-        """Return the thruster's number among those of a vehicle; a ParameterError lists these if it has none."""
+        """Return the thruster's number among a vehicle's; raise a ParameterError that lists these if it has none."""
         if isinstance(self.thruster, str):
             found = names.index(self.thruster) if self.thruster in names else -1
         else:
