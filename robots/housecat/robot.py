@@ -35,11 +35,7 @@ LIMITS = {"left_mps": (-FULL, FULL), "right_mps": (-FULL, FULL), "blade": (0.0, 
 
 
 def ranging_of(options: dict[str, str]) -> str:
-    """Return the name of what measures distances.
-
-    Raises:
-        ParameterError: there is nothing of that name.
-    """
+    """Return the name of what measures distances; raise a ParameterError if there is no such thing."""
     ranging = options.get("ranging", "stereo")
     if ranging not in RANGING:
         raise ParameterError(f"--option ranging={ranging} is not valid.", fix=f"ranging={', ranging='.join(RANGING)}.")

@@ -117,10 +117,7 @@ class Autopilot(Endpoint):
         self.failsafe.on_controls(controls, now_s - old_s if math.isfinite(old_s) else now_s)
 
     def _reject(self, reason: str) -> None:
-        """Report to the surface why its commands are refused.
-
-        It is noted once: else it would be twenty notes a second.
-        """
+        """Report to the surface why its commands are refused; noted once, else it would be twenty notes a second."""
         if not self.rejected_command:
             self.parent.add_note(f"Controls were rejected: {reason}")
         self.rejected_command = reason
@@ -162,7 +159,6 @@ class Autopilot(Endpoint):
         return self.readings.newest.get(key) if page is self.readings.pages.get(key) else None
 
     def _answer(self, now_s: float) -> SomeTasks:
-        """Return pulses for now, and periodically the vehicle's state."""
         self._take("depth", now_s)
         depth, imu = self.readings.newest.get("depth"), self.readings.newest.get("imu")
         ages_s = self._ages_s()
@@ -244,7 +240,6 @@ class Autopilot(Endpoint):
         self.noted = there
 
     def _describe(self, cause: str) -> str:
-        """Return an active cause and the action for it."""
         failsafe = self.failsafe
         return f"{failsafe.words[cause]}; {describe_action(failsafe.failsafes.of(cause), failsafe.limits.hold_s)}"
 

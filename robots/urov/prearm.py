@@ -21,12 +21,7 @@ WARM_UP_S = 2.0  # after the start missing readings may still arrive: arming wai
 def failing_checks(
     failsafe: FailsafeMonitor, readings: Readings, ages_s: Mapping[str, float], outputs: Outputs | None
 ) -> list[str]:
-    """Return a description of each failing check; none if the vehicle may be armed.
-
-    Args:
-        ages_s: of the pages of the newest readings.
-        outputs: their state; None if it is not known.
-    """
+    """Return a description of each failing check, from the ages of pages; none if the vehicle may be armed."""
     failing = readings.missing(ages_s)
     if failsafe.rest_v is not None and failsafe.rest_v < failsafe.limits.low_v:
         failing.append(f"battery: {failsafe.rest_v:.1f} V at rest, less than {failsafe.limits.low_v:g} V")

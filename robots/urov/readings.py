@@ -59,8 +59,7 @@ CAN_BE: dict[str, tuple[type[Any], Mapping[str, Limit]]] = {
 def reading_of(key: str, data: Any, now_s: float) -> Any:
     """Return the reading that a page's data, which may be anything, is at a moment of the clock that stamps readings.
 
-    Raises:
-        CommandError: it is not a reading, or a number in it is out of range; the message names the field.
+    A CommandError names the field that is wrong or out of range.
     """
     kind, limits = CAN_BE[key]
     if isinstance(data, msgspec.Struct):  # its types are not checked yet
@@ -127,11 +126,7 @@ class Readings:
         return " ".join(lately)
 
     def stale(self, ages_s: Mapping[str, float]) -> str:
-        """Return the names of sensors that have been read but have no fresh reading; empty if all have.
-
-        Args:
-            ages_s: of the page of each newest reading.
-        """
+        """Return the names of sensors that have been read but have no fresh reading, from the ages of pages."""
         return ", ".join(key for key, age_s in ages_s.items() if age_s > self._silent_s[key])
 
     def missing(self, ages_s: Mapping[str, float]) -> list[str]:

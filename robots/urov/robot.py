@@ -225,11 +225,7 @@ def replayed_sensor(context: RobotContext, name: str) -> ReplayedSensor:
 
 
 def no_camera(context: RobotContext) -> Any:
-    """Refuse.
-
-    Raises:
-        UnknownNameError: pictures are not read again.
-    """
+    """Raise an UnknownNameError: pictures are not read again."""
     raise UnknownNameError("With --io replay:RUN there is no camera.", fix="leave out --option camera.")
 
 

@@ -174,11 +174,7 @@ def check_io(io: Io) -> None:
 
 
 def check_table(table: Mapping[str, str]) -> None:
-    """Check that no two devices in a robot's table of ports have the same address.
-
-    Raises:
-        UnknownNameError, ParameterError: two do, or a text is not of a device.
-    """
+    """Raise an UnknownNameError if two devices in a robot's table have one address; errors of a text as `split`."""
     seen: dict[tuple[str, ...], str] = {}
     for name, text in table.items():
         kind, where, _ = split(text, (*OUTPUTS, *SENSORS))

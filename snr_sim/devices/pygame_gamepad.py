@@ -32,10 +32,9 @@ _SETTINGS = {
 
 
 def start_pygame() -> ModuleType:
-    """Return pygame, initialised to report pads. Variables that the environment already has are kept.
+    """Return pygame, initialised to report pads; raise a MissingExtraError if it is not installed.
 
-    Raises:
-        MissingExtraError: it is not installed.
+    Variables that the environment already has are kept.
     """
     for name, value in _SETTINGS.items():
         os.environ.setdefault(name, value)
@@ -67,11 +66,7 @@ class PygameGamepad(LifeCycle):
         self.title: str = f"Game controller {index}"
 
     def read(self) -> GamepadReading | Stale:
-        """Return the positions of sticks and buttons; `Stale` while no pad is plugged in.
-
-        Raises:
-            SensorLostError: it is closed.
-        """
+        """Return sticks and buttons; `Stale` without a pad; raise a SensorLostError once it is closed."""
         if self.state == "closed":
             raise SensorLostError("This pad has been closed.", fix="call read() before close().")
         pygame = self._pygame

@@ -35,11 +35,7 @@ class ReplayedSensor(LifeCycle):
         self._next = 0
 
     def read(self) -> Any:
-        """Return the newest reading, or `Stale` where there was none.
-
-        Raises:
-            DeviceError: the data of a page are not such a reading.
-        """
+        """Return the newest reading, or `Stale` where there was none; a page of other data raises a DeviceError."""
         if self.state == "closed":
             raise SensorLostError(f"{self.title} was closed.", fix="open another.")
         now_s, before = self._now_s() + _ROUNDING_S, self._next

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.devices.commands import CommandInput, command_of
-from snr_sim.devices.loops import start_device
+from snr_sim.devices.commands import command_of
+from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, start_device
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, ParameterError
 from snr_sim.prelude.node_api import NodeApi
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 REACTION_S = 0.0005  # in which a program may answer a reading before the line is used for the next one
 
 
-class RequestLineFactory(LoopFactory):
+class RequestLineFactory(ActuatorLoopFactory):
     """Readings of sensors as pages, and the newest command page to an actuator, one request after the other.
 
     Args:
@@ -57,7 +56,7 @@ class RequestLineFactory(LoopFactory):
         jitter_s: float = 0.0,
         rng: np.random.Generator | None = None,
     ) -> None:
-        super().__init__()
+        super().__init__(command_key, open_actuator, 0.0, timeout_s)
         if not sensors:
             raise ParameterError("A request line without sensors.", fix="name one or more.")
         if not (request_s > 0.0 and timeout_s > 0.0 and jitter_s >= 0.0):
@@ -68,33 +67,26 @@ class RequestLineFactory(LoopFactory):
         if jitter_s > 0.0 and rng is None:
             raise ParameterError("A request line with jitter and without chance.", fix="rng=context.rng('line').")
         self.sensors: dict[str, Callable[[], Sensor[Any]]] = dict(sensors)
-        self.command_key: str = command_key
-        self.open_actuator: Callable[[], Device] = open_actuator
         self.request_s: float = request_s
-        self.timeout_s: float = timeout_s
         self.jitter_s: float = jitter_s
         self.rng: np.random.Generator | None = rng
 
     def get(self, parent: NodeApi) -> RequestLine:
         """Return the loop `<command key>_line`."""
-        return RequestLine(self, parent, f"{self.command_key}_line", 0.0)
+        return RequestLine(self, parent, f"{self.key}_line", self.rate_hz)
 
 
-class RequestLine(Loop):
+class RequestLine(CommandLoop):
     """The line. Its ticks are the moments at which a request is at the robot, and at which its answer is back."""
 
     factory: RequestLineFactory
-
-    def __init__(self, factory: RequestLineFactory, parent: NodeApi, name: str, max_tick_rate_hz: float) -> None:
-        super().__init__(factory, parent, name, max_tick_rate_hz)
-        self._commands = CommandInput(self, factory.command_key)
-        self._keys = list(factory.sensors)
-        self._devices: list[Any] = []
+    _devices: tuple[Any, ...] = ()
 
     def setup(self) -> None:
         """Open all devices, and go to neutral."""
         factory = self.factory
-        self._actuator: Any = self._started(factory.open_actuator, f"the actuator '{factory.command_key}'")
+        self._keys = list(factory.sensors)
+        self._actuator: Any = self._started(factory.open_device, f"the actuator '{factory.key}'")
         self._actuator.neutral()
         self._sensors = {key: self._started(opens, f"the sensor '{key}'") for key, opens in factory.sensors.items()}
         self._turn = 0  # of the sensors
@@ -107,18 +99,8 @@ class RequestLine(Loop):
         self._sent_page: Page | None = None
 
     def _started(self, open_device: Callable[[], Any], what: str) -> Any:
-        self._devices.append(open_device())
+        self._devices += (open_device(),)
         return start_device(self._devices[-1], what)
-
-    def begin(self) -> None:
-        """Start, and receive commands from now on."""
-        self._commands.begin()
-        super().begin()
-
-    def join(self) -> None:
-        """Stop."""
-        self._commands.end()
-        super().join()
 
     def loop(self) -> None:
         """Execute the request at the robot, or take its answer and send the next request."""
@@ -144,7 +126,7 @@ class RequestLine(Loop):
         """Decide what is asked next: a command that differs from the one applied, otherwise the next sensor."""
         requested = self._requested_command()
         if requested != self._applied:
-            self._request, self._sent = self.factory.command_key, requested
+            self._request, self._sent = self.factory.key, requested
             return
         self._request = self._keys[self._turn]
         self._turn = (self._turn + 1) % len(self._keys)
@@ -152,7 +134,7 @@ class RequestLine(Loop):
     def _requested_command(self) -> Any:
         """Return the newest command; neutral without one, or if it is too old."""
         actuator = self._actuator
-        page, age_s = self._commands.newest()
+        page, age_s = self.commands.newest()
         if page is None or age_s > self.factory.timeout_s:
             self._sent_page = None
             return actuator.command_type()
@@ -160,12 +142,12 @@ class RequestLine(Loop):
             requested = command_of(page.data, actuator.command_type, actuator.limits)
         except CommandError as error:
             actuator.neutral()
-            raise self._commands.error_with_source(page, error) from error
+            raise self.commands.error_with_source(page, error) from error
         self._sent_page = page
         return requested
 
     def _execute(self) -> None:
-        if self._request == self.factory.command_key:
+        if self._request == self.factory.key:
             self._write()
             return
         reading = self._sensors[self._request].read()
@@ -180,13 +162,13 @@ class RequestLine(Loop):
         except CommandError as error:
             actuator.neutral()
             assert page is not None
-            raise self._commands.error_with_source(page, error) from error
+            raise self.commands.error_with_source(page, error) from error
         if applied != self._sent:
-            self._commands.note_clamped(self._sent, applied, actuator.limits)
+            self.commands.note_clamped(self._sent, applied, actuator.limits)
         self._applied = self._sent
         if page is not None:
             data = {**msgspec.to_builtins(applied), "delay_s": self.get_time_s() - page.created_at_s}
-            self.store_data(f"{self.factory.command_key}_applied", data, process=False)
+            self.store_data(f"{self.factory.key}_applied", data, process=False)
 
     def halt(self) -> None:
         """Go to neutral."""

@@ -31,9 +31,8 @@ MIN_PRESSED_FRACTION = 0.1  # fraction of its weight by which a body counts as p
 class MujocoBody:
     """The body, found once in MuJoCo's arrays: each access there costs as much as a step's arithmetic.
 
-    Raises:
-        ParameterError: the body does not move freely, has moving parts, or MuJoCo keeps only the diagonal of its mass
-            matrix: then added mass that is not diagonal in the world would be lost without a word.
+    Raises a ParameterError if it does not move freely, has moving parts, or MuJoCo keeps only the diagonal of its mass
+    matrix: then added mass that is not diagonal in the world would be lost without a word.
     """
 
     def __init__(self, world: MujocoWorld, name: str) -> None:
@@ -54,7 +53,7 @@ class MujocoBody:
                 f"MuJoCo keeps only the diagonal of the mass matrix of '{name}', to which water adds more.",
                 fix=f'write <body name="{name}" simple="false">.',
             )
-        self._dofs = dofs = slice(dof, dof + 6)
+        dofs = slice(dof, dof + 6)
         self._qpos, self._qvel = data.qpos[first : first + 7], data.qvel[dofs]
         self._applied, self._bias = data.qfrc_applied[dofs], data.qfrc_bias[dofs]
         self._touch = data.qfrc_constraint[dofs]
@@ -88,12 +87,7 @@ class MujocoBody:
         return lower + lower.T - np.diag(np.diag(lower))
 
     def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Set the body's pose.
-
-        Args:
-            pose: x, y, z [m] and the quaternion w, x, y, z.
-            velocity: linear in the world, then angular in the body's frame.
-        """
+        """Set x, y, z [m] and quaternion w, x, y, z; velocity: linear in the world, angular in the body's frame."""
         self._qpos[:] = pose
         self._qvel[:] = velocity
 
@@ -112,11 +106,9 @@ class MujocoBody:
         return velocity
 
     def detect_contacts(self) -> bool:
-        """Have MuJoCo find out where everything is and what touches, and what its own mass matrix and forces are.
+        """Have MuJoCo find what touches, and its own mass matrix and forces; return whether anything touches.
 
-        Returns:
-            whether anything touches. If not, and the body is alone, `put` can end the step as well as `move`, for a
-            tenth of the time.
+        If not, and the body is alone, `put` can end the step as well as `move`, for a tenth of the time.
         """
         self._step1(self._model, self._data)
         return bool(self._data.nefc)
@@ -144,9 +136,7 @@ class MujocoBody:
         model.opt.timestep = own_s
 
     def limit_grip(self, pressed_n: float) -> None:
-        """Limit the friction that contacts of a sliding body request to about the maximum.
-
-        Call it between `detect_contacts` and `move`.
+        """Limit the friction that contacts of a sliding body request; call it between `detect_contacts` and `move`.
 
         MuJoCo asks a contact to stop what slides within its time constant, and finds friction and pressure in one: what
         it cannot have as friction it gives as pressure. A vehicle that slid at 1 m/s was thrown up by each contact; the

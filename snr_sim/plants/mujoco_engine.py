@@ -62,11 +62,7 @@ class MujocoWorld:
         return names.index(name)
 
     def check_finite(self) -> None:
-        """Check positions and velocities.
-
-        Raises:
-            PlantError: one is not finite; it is named by its joint.
-        """
+        """Raise a PlantError that names the joint if a position or a velocity is not finite."""
         data = self.data
         for what, values, is_velocity in (("position", data.qpos, False), ("velocity", data.qvel, True)):
             total = float(values.sum())
@@ -88,11 +84,7 @@ class MujocoWorld:
 
 
 def mujoco_module() -> ModuleType:
-    """Return mujoco, imported when it is first needed.
-
-    Raises:
-        MissingExtraError: it is not installed.
-    """
+    """Return mujoco, imported at the first call; raise a MissingExtraError if it is not installed."""
     try:
         import mujoco
     except ImportError as error:

@@ -157,8 +157,7 @@ AXES_OF = {2: ("x", "z"), 3: ("x", "y", "z"), 6: AXES}  # unless an annotation n
 class Record:
     """Base of frozen dataclasses that are checked when they are made, as in `class Leak(Record, who="The leak's ")`.
 
-    Raises:
-        ParameterError: a number is out of range; the message names it, its owner and the usual range.
+    The ParameterError for a number that is out of range names it, its owner and the usual range.
     """
 
     _who = ""
@@ -179,14 +178,8 @@ def check_record(record: Any, who: str) -> None:
         leak: Annotated[Leak | None, "an example"]          of this class, or None; the example ends the message
         faults: Annotated[tuple[Fault, ...], "an example"]  a row of them
 
-    What is annotated with neither a `Limit` nor an example is not checked.
-
-    Args:
-        record: just made.
-        who: its owner, for the message: "The tether's ".
-
-    Raises:
-        ParameterError: a field is out of range; the message names it.
+    What is annotated with neither a `Limit` nor an example is not checked. The ParameterError for a field that is out
+    of range names it and `who`, its owner: "The tether's ".
     """
     made_of: Any = type(record)
     for name, kind in _kinds(made_of).items():
@@ -233,16 +226,13 @@ def _checked(what: str, value: Any, kind: Any, *rules: Any) -> Any:
 
 
 def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -> None:
-    """Check that a value is a number within a limit.
+    """Raise a ParameterError, with the value and the expected range, unless a value is a number within a limit.
 
     Args:
         what: name of the value, for the message: "The tether's length_m".
         value: that was given.
         limit: for it; see `LIMITS`.
         axis: of it, if it is one of several.
-
-    Raises:
-        ParameterError: it is not; the message contains the value and the expected range.
     """
     name = f"{what} of {axis}" if axis else what
     if not is_number(value):

@@ -8,11 +8,7 @@ from snr_sim.prelude.errors import MissingExtraError
 
 
 def pymunk_module() -> ModuleType:
-    """Return pymunk, imported when it is first needed.
-
-    Raises:
-        MissingExtraError: it is not installed.
-    """
+    """Return pymunk; raise a MissingExtraError if it is not installed."""
     try:
         import pymunk
     except ImportError as error:

@@ -1,6 +1,5 @@
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -13,11 +12,11 @@ from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.instruments import PoseOutput
 from snr_sim.plants.urov.pool import Gate, Pool
 from snr_sim.plants.urov.urov_2d import Urov2D
-from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, SnrError, UnknownNameError
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant
+from tests.plants.vehicles import HEAVY
 
 UPRIGHT = [1.0, 0.0, 0.0, 0.0]
 ABOVE = [0.0, 0.0, 2.0]  # in air: no absorption on the way down except by the veil
@@ -153,10 +152,9 @@ def test_camera_invalid_number_raises_error(numbers: dict[str, Any], error: type
 
 
 def test_camera_in_2d_plant_shows_gate() -> None:
-    vehicle = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
     pool = Pool(gates=(Gate("red", (2.0, 0.0, -2.0)),))
-    plant = Urov2D(vehicle, pool, lambda seed: Dive(position_m=(0.0, 0.0, -2.0)))
-    without = Urov2D(vehicle, Pool(), lambda seed: Dive(position_m=(0.0, 0.0, -2.0)))
+    plant = Urov2D(HEAVY, pool, lambda seed: Dive(position_m=(0.0, 0.0, -2.0)))
+    without = Urov2D(HEAVY, Pool(), lambda seed: Dive(position_m=(0.0, 0.0, -2.0)))
     rng = np.random.default_rng(1)
     with_gate, empty = (Camera("ahead").simulated(one, "pose", rng).read().rgb for one in (plant, without))
     is_gate = (with_gate != empty).any(axis=2)

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.wire.nmea import checksum
 from snr_sim.prelude.device import Stale
@@ -38,10 +39,7 @@ class Receiver:
         return Gps(self.open, lambda: self.time_s)
 
     def started(self) -> Gps:
-        gps = self.gps()
-        gps.configure()
-        gps.activate()
-        return gps
+        return start_device(self.gps(), "the receiver")
 
     def write(self, data: bytes) -> None:
         self._check()

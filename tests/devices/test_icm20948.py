@@ -1,43 +1,33 @@
 """The inertial unit's driver against its registers: units, axes, and faults."""
 
 import math
+from typing import Any
 
 import adafruit_icm20x
 import pytest
 
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.sensors.icm20948 import Icm20948
-from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import ImuReading
 from snr_sim.testing.contracts import check_sensor
-from snr_sim.testing.fake_i2c import FakeBus
 from snr_sim.testing.fake_icm20948 import FakeAk09916, FakeIcm20948
+from tests.devices.benches import I2cBench
 from tests.devices.busio_bus import BusioBus
 
 
-class Bench:
+class Bench(I2cBench):
     def __init__(self) -> None:
-        self.time_s = 0.0
         self.part = FakeIcm20948()
         self.compass = FakeAk09916(self.part)
-        self.raw = FakeBus({0x69: self.part, 0x0C: self.compass})
-
-    def sleep(self, seconds: float) -> None:
-        self.time_s += seconds
+        super().__init__({0x69: self.part, 0x0C: self.compass})
 
     def open(self, axes: tuple[str, str, str] = ("x", "y", "z"), iron: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Icm20948:
-        return Icm20948(
-            lambda: I2cBus(1, self.raw.opened), lambda: self.time_s, axes=axes, hard_iron_ut=iron, sleep=self.sleep
-        )
+        return Icm20948(self.bus, self.now_s, axes=axes, hard_iron_ut=iron, sleep=self.advance)
 
-    def started(
-        self, axes: tuple[str, str, str] = ("x", "y", "z"), iron: tuple[float, ...] = (0.0, 0.0, 0.0)
-    ) -> Icm20948:
-        sensor = self.open(axes, iron)
-        sensor.configure()
-        sensor.activate()
-        return sensor
+    def started(self, **how: Any) -> Icm20948:
+        return start_device(self.open(**how), "the inertial unit")
 
     def reading(self, sensor: Icm20948) -> ImuReading:
         self.time_s += 0.01

@@ -1,6 +1,5 @@
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +11,13 @@ from snr_sim.plants.urov.instruments import FIELD_UT_PER_A, ImuOutput
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.urov import Urov
-from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad, wrap_rad
 from snr_sim.prelude.attitude_filter import GAIN_HZ, into_world
 from snr_sim.prelude.signals import ImuReading, PwmCommand
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant
+from tests.plants.vehicles import HEAVY
 
-VEHICLE = Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml"
 EXACT = InertialUnit(SensorErrors(), angle_step_rad=0.0)
 FIELD_UT = (0.0, 20.0, -44.0)
 
@@ -123,7 +121,7 @@ def test_imu_iron_shifts_heading_by_angle_of_level_field() -> None:
 def test_imu_thruster_current_disturbs_heading() -> None:
     """Of the vehicle as it rises, all four vertical thrusters at 1800 us: level field plus that of the current."""
     dive = Dive((0.0, 0.0, -40.0))
-    plant = Urov(read_vehicle(VEHICLE), Pool(100.0, 100.0, 50.0), lambda seed: dive, Propulsion(8))
+    plant = Urov(HEAVY, Pool(100.0, 100.0, 50.0), lambda seed: dive, Propulsion(8))
     plant.write("pwm", PwmCommand())
     sensor, off_deg = EXACT.simulated(plant, "imu", np.random.default_rng(1)), []
     for i in range(1200):  # for 24 s

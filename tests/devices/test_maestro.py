@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.pwm.maestro import Maestro
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.wire.serial_port import SerialPort
@@ -18,17 +19,15 @@ from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
 from snr_sim.testing.fake_maestro import FakeMaestro
 from snr_sim.testing.pwm_contract import check_pwm_out
+from tests.devices import benches
 
 STOP, FAST = [1500.0] * 8, [1700.0] * 8
 
 
-class Bench:
+class Bench(benches.Bench):
     """A Maestro on a table."""
 
-    can_unplug = True
-
     def __init__(self, channels: int = 8, has_crc: bool = False, **settings: Any) -> None:
-        self.time_s = 0.0
         self.channels, self.has_crc = channels, has_crc
         self.board = FakeMaestro(self.now_s, channels, has_crc=has_crc, **settings)
 
@@ -37,9 +36,7 @@ class Bench:
         return PassivePwm(Maestro(self._port, self.now_s, channels or self.channels, **settings), self.now_s, 1.0)
 
     def armed(self) -> PassivePwm:
-        out = self.open()
-        out.configure()
-        out.activate()
+        out = start_device(self.open(), "the outputs")
         while out.health().state == "activating":
             out.write_us(STOP, self.time_s)
             self.advance(0.02)
@@ -48,12 +45,6 @@ class Bench:
     def _port(self) -> FakeMaestro:
         self.board.read()  # as when a real port is opened
         return self.board
-
-    def now_s(self) -> float:
-        return self.time_s
-
-    def advance(self, seconds: float) -> None:
-        self.time_s += seconds
 
     def pins_us(self) -> list[float]:
         return self.board.pins_us
@@ -216,9 +207,9 @@ def bench_on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Bench, st
 @pytest.mark.slow
 def test_maestro_on_serial_line_applies_commands_at_pins(bench_on_a_line: tuple[Bench, str]) -> None:
     bench, path = bench_on_a_line
-    out = PassivePwm(Maestro(lambda: SerialPort(path), bench.now_s, 8, sleep=bench.advance), bench.now_s, 0.0)
-    out.configure()
-    out.activate()
+    out = start_device(
+        PassivePwm(Maestro(lambda: SerialPort(path), bench.now_s, 8, sleep=bench.advance), bench.now_s, 0.0), "it"
+    )
 
     def hold(pulses_us: list[float]) -> None:
         for _ in range(10_000):

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from snr_sim.devices.emulated.board import PINS
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.mcu.mcu import McuPower, McuPwm, PowerScale
 from snr_sim.devices.wire.mcu_messages import McuState
 from snr_sim.prelude.device import LEASE_S, Stale
@@ -72,9 +73,7 @@ def test_mcu_pwm_returns_pulses_at_the_pins(bench: Any) -> None:
 
 
 def test_mcu_pwm_arms_only_after_neutral_for_speed_controllers(bench: Any) -> None:
-    out = bench.open()
-    out.configure()
-    out.activate()
+    out = start_device(bench.open(), "the outputs")
     pilot = Pilot(bench, out)
     applied = pilot.hold(AHEAD, 0.5)  # a command that is not neutral is not sent until the outputs are armed
     assert out.health().state == "activating"

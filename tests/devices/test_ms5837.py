@@ -1,5 +1,4 @@
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,14 +8,13 @@ from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.instruments import DepthOutput
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.urov import Urov
-from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import DepthReading
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant
+from tests.plants.vehicles import HEAVY
 
 AIR_PA = 101_325.0
-VEHICLE = Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml"
 
 
 # Resolution RMS of the data sheet [mbar], by oversampling.
@@ -86,7 +84,7 @@ def test_ms5837_in_pool_returns_true_depth() -> None:
         (Pool(), part),
         (Pool(density_kgm3=1026.0, gravity_mps2=9.78), replace(part, density_kgm3=1026.0, gravity_mps2=9.78)),
     ):
-        plant = Urov(read_vehicle(VEHICLE), pool, lambda seed: Dive((0.0, 0.0, -3.0)))
+        plant = Urov(HEAVY, pool, lambda seed: Dive((0.0, 0.0, -3.0)))
         reading = sensor.simulated(plant, "depth", np.random.default_rng(1)).read()
         assert reading.depth_m == pytest.approx(3.0, abs=0.0006), "but for half a step of a tenth of a millibar"
 

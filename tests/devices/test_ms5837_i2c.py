@@ -2,39 +2,32 @@
 
 import pytest
 
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.sensors.ms5837 import Ms5837
 from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
-from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import DepthReading
 from snr_sim.testing.contracts import check_sensor
-from snr_sim.testing.fake_i2c import FakeBus
 from snr_sim.testing.fake_ms5837 import FakeMs5837
+from tests.devices.benches import I2cBench
 
 
-class Bench:
+class Bench(I2cBench):
     def __init__(self) -> None:
-        self.time_s = 0.0
         self.part = FakeMs5837(self.now_s)
-        self.raw = FakeBus({0x76: self.part})
+        super().__init__({0x76: self.part})
         self.slept_s = 0.0
 
-    def now_s(self) -> float:
-        return self.time_s
-
     def sleep(self, seconds: float) -> None:
-        self.time_s += seconds
+        self.advance(seconds)
         self.slept_s += seconds
 
     def open(self, part: Ms5837 | None = None) -> Ms5837I2c:
-        return Ms5837I2c(lambda: I2cBus(1, self.raw.opened), self.now_s, part, sleep=self.sleep)
+        return Ms5837I2c(self.bus, self.now_s, part, sleep=self.sleep)
 
     def started(self, part: Ms5837 | None = None) -> Ms5837I2c:
-        sensor = self.open(part)
-        sensor.configure()
-        sensor.activate()
-        return sensor
+        return start_device(self.open(part), "the depth sensor")
 
     def reading(self, sensor: Ms5837I2c, ticks: int = 3, period_s: float = 0.05) -> DepthReading | Stale:
         reading = sensor.read()

@@ -5,46 +5,32 @@ from typing import Any
 import pytest
 from adafruit_pca9685 import PCA9685
 
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pca9685 import PRE_SCALE, Pca9685
-from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST
-from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
+from snr_sim.testing.fake_i2c import FakePca9685
 from snr_sim.testing.pwm_contract import check_pwm_out
+from tests.devices.benches import I2cBench
 from tests.devices.busio_bus import BusioBus
 
 
-class Bench:
+class Bench(I2cBench):
     """A chip on a bus."""
 
-    can_unplug = True
-
     def __init__(self, channels: int = 8, part: FakePca9685 | None = None, **settings: Any) -> None:
-        self.time_s = 0.0
         self.channels, self.settings = channels, settings
         self.part = part or FakePca9685()
-        self.raw = FakeBus({0x40: self.part})
+        super().__init__({0x40: self.part})
 
     def open(self, is_supervised: bool = True, esc_start_s: float = 1.0, **more: Any) -> PassivePwm:
         settings = {"sleep": self.advance, **self.settings, **more}
-        chip = Pca9685(lambda: I2cBus(1, self.raw.opened), 0x40, self.channels, **settings)
+        chip = Pca9685(self.bus, 0x40, self.channels, **settings)
         return PassivePwm(chip, self.now_s, esc_start_s, is_supervised)
-
-    def now_s(self) -> float:
-        return self.time_s
-
-    def advance(self, seconds: float) -> None:
-        self.time_s += seconds
 
     def pins_us(self) -> list[float]:
         return self.part.pins_us(self.channels)
-
-    def unplug(self) -> None:
-        self.raw.is_there = False
-
-    def plug_in(self) -> None:
-        self.raw.is_there = True
 
 
 @pytest.mark.parametrize("channels", [1, 8, 9, 16])
@@ -60,9 +46,7 @@ def test_pca9685_with_other_clocks_passes_pwm_contract(oscillator_hz: float, ext
 @pytest.mark.parametrize("pulse_us", [1100.0, 1234.0, 1500.0, 1500.7, 1899.0, 1900.0])
 def test_pca9685_registers_equal_independent_driver(pulse_us: float) -> None:
     ours = Bench()
-    out = ours.open(esc_start_s=0.0)
-    out.configure()
-    out.activate()
+    out = start_device(ours.open(esc_start_s=0.0), "the outputs")
     out.write_us([1500.0] * 8, 0.0)
     made_us = out.write_us([pulse_us] * 8, 0.0).pulses_us[0]
     part = FakePca9685()
@@ -78,9 +62,7 @@ def test_pca9685_registers_equal_independent_driver(pulse_us: float) -> None:
 
 def test_pca9685_returns_generated_pulses_in_whole_counts() -> None:
     bench = Bench()
-    out = bench.open(esc_start_s=0.0)
-    out.configure()
-    out.activate()
+    out = start_device(bench.open(esc_start_s=0.0), "the outputs")
     assert out.write_us([1500.0] * 8, 0.0).pulses_us == bench.pins_us()
     assert bench.pins_us() == [pytest.approx(1498.2, abs=0.05)] * 8
     made = out.write_us([1100.0, 1900.0, *[1500.0] * 6], 0.0).pulses_us
@@ -101,9 +83,7 @@ def test_pca9685_unmeasured_oscillator_shifts_pulses() -> None:
 
 def test_pca9685_configure_stops_running_pulses_first() -> None:
     bench = Bench()
-    before = bench.open(esc_start_s=0.0)
-    before.configure()
-    before.activate()
+    before = start_device(bench.open(esc_start_s=0.0), "the outputs")
     before.write_us([1500.0] * 8, 0.0)
     before.write_us([1900.0] * 8, 0.0)
     writes: list[list[float]] = []
@@ -126,9 +106,7 @@ def test_pca9685_without_supervisor_stays_neutral() -> None:
 
 def test_pca9685_brown_out_is_reported_as_lost() -> None:
     bench = Bench()
-    out = bench.open(esc_start_s=0.0)
-    out.configure()
-    out.activate()
+    out = start_device(bench.open(esc_start_s=0.0), "the outputs")
     out.write_us([1500.0] * 8, 0.0)
     bench.part.power_on()
     applied = out.write_us([1700.0] * 8, 0.0)

@@ -4,6 +4,7 @@ import msgspec
 import pytest
 
 from snr_sim import Page
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.prelude.device import Sensor, Stale
 from snr_sim.prelude.errors import DeviceError, SensorLostError
@@ -27,9 +28,7 @@ class Clock:
 
 def sensor(*pages: Page) -> tuple[ReplayedSensor, Clock]:
     clock = Clock()
-    opened = ReplayedSensor("depth", pages, Depth, clock.now_s)
-    opened.configure()
-    opened.activate()
+    opened = start_device(ReplayedSensor("depth", pages, Depth, clock.now_s), "the outputs")
     return opened, clock
 
 

@@ -20,7 +20,6 @@ from snr_sim.devices.pwm.pca9685 import Pca9685
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pwm.pwm_supervisor import OutputSupervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
-from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.lease_messages import (
     ArmOutputs,
     DisarmOutputs,
@@ -33,10 +32,11 @@ from snr_sim.devices.wire.lease_messages import (
 )
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
-from snr_sim.testing.fake_i2c import FakeBus, FakePca9685
+from snr_sim.testing.fake_i2c import FakePca9685
 from snr_sim.testing.fake_sysfs_pwm import FakeSysfsPwm
 from snr_sim.testing.function_components import FunctionLoopFactory
 from snr_sim.testing.pwm_contract import check_pwm_out
+from tests.devices.benches import I2cBench
 
 HERE = Path(__file__).parent
 GENEROUS_S = 60.0
@@ -72,7 +72,7 @@ class Line:
             raise DeviceError("The process 7 was killed by SIGKILL.")
 
 
-class Bench:
+class Bench(I2cBench):
     """A PCA9685 behind a supervisor, in simulated time."""
 
     can_unplug = False  # the pipe has no wire to pull; the chip's has a test below
@@ -80,14 +80,14 @@ class Bench:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.time_s = 100.0
         self.part = FakePca9685()
-        self.raw = FakeBus({0x40: self.part})
+        super().__init__({0x40: self.part})
         self.line = Line(self.now_s)
         opener = ModuleType("bench_of_this_test")
         opener.open = self._chip  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, opener.__name__, opener)
 
     def _chip(self, reclaim: bool = False) -> PassivePwm:
-        chip = Pca9685(lambda: I2cBus(1, self.raw.opened), 0x40, 8, sleep=lambda seconds: None)
+        chip = Pca9685(self.bus, 0x40, 8, sleep=lambda seconds: None)
         return PassivePwm(chip, self.now_s, esc_start_s=1.0, is_supervised=True)
 
     def open(self) -> SupervisedPwm:
@@ -109,9 +109,6 @@ class Bench:
                 return out
         raise AssertionError(out.health())
 
-    def now_s(self) -> float:
-        return self.time_s
-
     def advance(self, seconds: float) -> None:
         """Advance the time; a supervisor checks its clock by itself."""
         until_s = self.time_s + seconds
@@ -121,12 +118,6 @@ class Bench:
 
     def pins_us(self) -> list[float]:
         return self.part.pins_us(8)
-
-    def unplug(self) -> None:
-        self.raw.is_there = False
-
-    def plug_in(self) -> None:
-        self.raw.is_there = True
 
 
 @pytest.fixture

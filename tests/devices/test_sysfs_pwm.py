@@ -8,21 +8,20 @@ from typing import Any
 import pytest
 from rpi_hardware_pwm import HardwarePWM
 
+from snr_sim.devices.loops import start_device
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.sysfs_pwm import SysfsPins, find_chip
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST
 from snr_sim.testing.fake_sysfs_pwm import FakeSysfsPwm
 from snr_sim.testing.pwm_contract import check_pwm_out
+from tests.devices import benches
 
 
-class Bench:
+class Bench(benches.Bench):
     """A Raspberry Pi 4."""
 
-    can_unplug = True
-
     def __init__(self, root: Path, channels: int = 2) -> None:
-        self.time_s = 0.0
         self.channels = channels
         self.tree = FakeSysfsPwm(root, channels=channels)
 
@@ -35,12 +34,6 @@ class Bench:
             **more,
         }
         return PassivePwm(SysfsPins(self.channels, **settings), self.now_s, esc_start_s, is_supervised)
-
-    def now_s(self) -> float:
-        return self.time_s
-
-    def advance(self, seconds: float) -> None:
-        self.time_s += seconds
 
     def pins_us(self) -> list[float]:
         return [self.tree.pulse_us(channel) for channel in range(self.channels)]
@@ -59,9 +52,7 @@ def test_sysfs_pwm_passes_pwm_contract(tmp_path: Path) -> None:
 @pytest.mark.parametrize("pulse_us", [1100.0, 1234.0, 1500.0, 1900.0])
 def test_sysfs_pwm_equals_independent_driver(tmp_path: Path, pulse_us: float, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = Bench(tmp_path / "ours")
-    out = ours.open(esc_start_s=0.0)
-    out.configure()
-    out.activate()
+    out = start_device(ours.open(esc_start_s=0.0), "the outputs")
     out.write_us([1500.0] * 2, 0.0)
     out.write_us([pulse_us] * 2, 0.0)
     tree = FakeSysfsPwm(tmp_path / "theirs")
@@ -116,9 +107,7 @@ def test_sysfs_pwm_pin_of_another_program_raises_and_is_unchanged(tmp_path: Path
 
 def test_sysfs_pwm_reclaims_running_pins_at_neutral(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
-    killed = bench.open(esc_start_s=0.0)
-    killed.configure()
-    killed.activate()
+    killed = start_device(bench.open(esc_start_s=0.0), "the outputs")
     killed.write_us([1500.0] * 2, 0.0)
     killed.write_us([1900.0] * 2, 0.0)
     bench.tree.history.clear()
@@ -146,9 +135,7 @@ def test_sysfs_pwm_without_permission_names_group(tmp_path: Path) -> None:
 
 def test_sysfs_pwm_pin_disabled_by_another_process_is_lost(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
-    out = bench.open(esc_start_s=0.0)
-    out.configure()
-    out.activate()
+    out = start_device(bench.open(esc_start_s=0.0), "the outputs")
     out.write_us([1500.0] * 2, 0.0)
     bench.tree.write(bench.tree.root / "pwmchip0/pwm1/enable", "0")
     assert LOST in out.write_us([1600.0] * 2, 0.0).reason

@@ -1,14 +1,11 @@
 """One step of `Hydrodynamics` compared with the same equation in matrices."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from snr_sim.plants.urov.hydrodynamics import AT_REST, ITERATIONS, Hydrodynamics, product_with
-from snr_sim.plants.urov.vehicle_file import read_vehicle
+from tests.plants.vehicles import HEAVY
 
-VEHICLE = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 RNG = np.random.default_rng(11)
 SKEW = RNG.normal(size=(6, 6))
 LOPSIDED = np.diag([13.5, 13.5, 13.5, 0.26, 0.23, 0.37]) + 0.05 * SKEW @ SKEW.T  # all of it coupled
@@ -43,7 +40,7 @@ def in_matrices(
         # up - up0 = dt / 2 (up x w), for the mean of `up`
         mean_up = np.linalg.solve(np.eye(3) + 0.5 * dt_s * cross(middle[3:]), up)
         restoring = np.concatenate([net_n * mean_up, np.cross(arm, mean_up)])
-        damping = wet * (np.array(VEHICLE.linear_damping) + np.array(VEHICLE.quadratic_damping) * abs(middle))
+        damping = wet * (np.array(HEAVY.linear_damping) + np.array(HEAVY.quadratic_damping) * abs(middle))
         force = push + restoring - coriolis(mass, middle) @ middle - damping * middle
         change = np.linalg.solve(mass, force)
     return change
@@ -53,9 +50,9 @@ def in_matrices(
 @pytest.mark.parametrize("wet", [1.0, 0.5])
 @pytest.mark.parametrize("rigid", [np.diag(np.diag(LOPSIDED)), LOPSIDED], ids=["diagonal", "full"])
 def test_advance_equals_matrix_form(rigid: np.ndarray, wet: float, dt_s: float) -> None:
-    hydro = Hydrodynamics(VEHICLE, rigid)
+    hydro = Hydrodynamics(HEAVY, rigid)
     hydro.set_mass(rigid, wet)
-    assert hydro.mass == pytest.approx(rigid + wet * VEHICLE.added_mass)
+    assert hydro.mass == pytest.approx(rigid + wet * HEAVY.added_mass)
     for _ in range(20):
         nu, push, arm = RNG.normal(size=6), 10.0 * RNG.normal(size=6), RNG.normal(size=3)
         up = RNG.normal(size=3)
@@ -70,14 +67,14 @@ def test_advance_equals_matrix_form(rigid: np.ndarray, wet: float, dt_s: float) 
 
 def test_two_iterations_from_good_guess_equal_matrix_form() -> None:
     """To the last digits: nothing is settled by further rounds."""
-    hydro = Hydrodynamics(VEHICLE, LOPSIDED)
+    hydro = Hydrodynamics(HEAVY, LOPSIDED)
     nu, up, push, arm = 0.01 * RNG.normal(size=6), np.array([0.0, 0.0, 1.0]), np.zeros(6), np.array([0.0, 0.0, 1.3])
     _, change = hydro.advance(nu.tolist(), (0.0, 0.0, 1.0), push.tolist(), 0.01, (0.0, 0.0, 1.3), AT_REST, 1e-4)
     assert change == pytest.approx(in_matrices(hydro.mass, 1.0, nu, up, push, 0.01, arm, 1e-4, ITERATIONS).tolist())
 
 
 def test_subtract_impulse_changes_velocity_by_inverse_mass() -> None:
-    hydro, momentum, nu = Hydrodynamics(VEHICLE, LOPSIDED), RNG.normal(size=6), RNG.normal(size=6)
+    hydro, momentum, nu = Hydrodynamics(HEAVY, LOPSIDED), RNG.normal(size=6), RNG.normal(size=6)
     expected = nu - np.linalg.solve(hydro.mass, momentum)
     assert hydro.subtract_impulse(nu.tolist(), momentum.tolist()) == pytest.approx(expected.tolist())
     assert product_with(LOPSIDED)(*nu) == pytest.approx((LOPSIDED @ nu).tolist())

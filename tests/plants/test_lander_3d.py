@@ -1,27 +1,18 @@
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from snr_sim.plants.lander.gear import GearLimits
 from snr_sim.plants.lander.lander_3d import Lander3D
-from snr_sim.plants.lander.module import LunarModule, PlaneStart
+from snr_sim.plants.lander.module import LunarModule
 from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
 from snr_sim.prelude.errors import ParameterError, PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand, InertialReading
+from tests.plants.test_lander_2d import FORGIVING, start
 
-FORGIVING = GearLimits(99.0, 99.0, 99.0, math.pi, 9.0)
 HILLS = make_terrain(11, relief_m=14.0, pad_slope_rad=0.08)
-
-
-def start(
-    x: float = 0.0, z: float = 200.0, vx: float = 0.0, vz: float = 0.0, tilt: float = 0.0, rate: float = 0.0,
-    mass: float = 7500.0, fuel: float = 600.0, ground: Terrain = FLAT,
-) -> Callable[[int], tuple[PlaneStart, Terrain]]:  # fmt: skip
-    return lambda seed: (PlaneStart((x, z), (vx, vz), mass, fuel, tilt, rate), ground)
 
 
 def drop(module: LunarModule, height: float = 0.5, step_s: float = 0.005, **how: object) -> Lander3D:

@@ -7,10 +7,9 @@ import pytest
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.urov import Urov
-from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
+from tests.plants.vehicles import HEAVY
 
-HEAVY = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 START = Dive((0.0, 0.0, -2.0))
 BODY = (
     '<body name="vehicle" simple="false"><freejoint/>'

@@ -1,6 +1,5 @@
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,10 +7,9 @@ import pytest
 
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.urov.pool import Gate, Pool
-from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
+from tests.plants.vehicles import HEAVY
 
-HEAVY = Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml"
 RED = Gate("red", (1.0, 0.0, -1.0))
 
 
@@ -64,7 +62,7 @@ def test_gate_outside_pool_raises() -> None:
 
 def test_gate_accepts_any_name_and_numpy_numbers() -> None:
     pool = Pool(gravity_mps2=np.float64(9.81), gates=[Gate('<"a&b>', (np.float64(1.0), 0.0, -1.0))])
-    world = MujocoWorld(pool.mjcf(read_vehicle(HEAVY)), 0.005)
+    world = MujocoWorld(pool.mjcf(HEAVY), 0.005)
     assert world.model.geom('<"a&b>_0').name
 
 

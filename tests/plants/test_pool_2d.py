@@ -1,6 +1,5 @@
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,10 +8,8 @@ from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.urov.pool import BODY, Gate, Pool
 from snr_sim.plants.urov.pool_2d import Pool2D
-from snr_sim.plants.urov.vehicle_file import read_vehicle
+from tests.plants.vehicles import HEAVY
 
-VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
-HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")
 POOL = Pool(gates=(Gate("gate", (2.0, 0.5, -2.0), heading_rad=0.3),))
 AT_REST = (0.0, 0.0, 0.0)
 

@@ -1,12 +1,10 @@
 import math
-from pathlib import Path
 
 import pytest
 
 from snr_sim.plants.urov.surface import Surface
-from snr_sim.plants.urov.vehicle_file import read_vehicle
+from tests.plants.vehicles import HEAVY
 
-HEAVY = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 SURFACE = Surface(HEAVY)
 LEVEL = (0.0, 0.0, 1.0)
 LENGTH, WIDTH, HEIGHT = HEAVY.size_m

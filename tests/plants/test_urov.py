@@ -22,9 +22,8 @@ from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import CommandError, ParameterError, PlantError, UnknownNameError
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.testing.contracts import check_plant
+from tests.plants.vehicles import HEAVY, VEHICLES
 
-VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
-HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")
 SEA = Pool(2000.0, 2000.0, 200.0)  # nothing in reach
 WRENCH = WrenchCommand([10.0, 2.0, 3.0], [0.1, 0.2, 0.3])
 PULSES = PwmCommand([1600.0, 1620.0, 1400.0, 1410.0, 1550.0, 1500.0, 1450.0, 1700.0])

@@ -10,7 +10,6 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,10 +27,9 @@ from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.testing.contracts import check_plant
+from tests.plants.vehicles import HEAVY, VEHICLES
 
-VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
-SETS = {name: read_vehicle(VEHICLES / f"{name}.toml") for name in ("benzon2022", "wu2018")}
-HEAVY = SETS["benzon2022"]
+SETS = {"benzon2022": HEAVY, "wu2018": read_vehicle(VEHICLES / "wu2018.toml")}
 SEA = Pool(2000.0, 2000.0, 200.0)  # nothing in reach
 PULSES = PwmCommand([1600.0, 1600.0, 1400.0, 1400.0, 1550.0, 1450.0, 1440.0, 1560.0])
 

@@ -1,7 +1,6 @@
 import math
 from collections import Counter
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,8 +8,7 @@ import pytest
 from snr_sim.plants.urov.pool import POST_M, Gate, Pool
 from snr_sim.plants.urov.urov_shapes import pool_shapes, vehicle_shapes
 from snr_sim.plants.urov.vehicle_file import read_vehicle
-
-VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
+from tests.plants.vehicles import VEHICLES
 
 
 def volume(mesh: dict[str, Any]) -> float:

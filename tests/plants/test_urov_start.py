@@ -1,6 +1,5 @@
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,10 +10,9 @@ from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.urov import Urov
 from snr_sim.plants.urov.urov_2d import Urov2D
-from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
+from tests.plants.vehicles import HEAVY
 
-HEAVY = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 BELOW = (0.0, 0.0, -2.0)
 BOTH = pytest.mark.parametrize("kind", [Urov, Urov2D])
 

@@ -1,6 +1,5 @@
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +8,7 @@ from snr_sim.plants.urov.vehicle import Thruster, Vehicle
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.wrench import AXES, unactuated_axes
-
-VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
-HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")
+from tests.plants.vehicles import HEAVY, VEHICLES
 
 
 def test_heavy_frame_actuates_all_axes() -> None:

@@ -5,8 +5,8 @@ import pytest
 
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
+from tests.plants.vehicles import HEAVY, VEHICLES
 
-VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
 ADDED = "[6.3567, 7.1206, 18.6863, 0.1858, 0.1348, 0.2215]"
 ASKEW = str([[float(i == j) for j in range(6)] for i in range(5)] + [[0.2, 0.0, 0.0, 0.0, 0.0, 1.0]])
 TEXT = (VEHICLES / "benzon2022.toml").read_text(encoding="utf-8")
@@ -33,7 +33,7 @@ def test_each_number_of_each_file_has_a_source(name: str) -> None:
 
 
 def test_vectors_and_matrices_are_converted_from_frd(tmp_path: Path) -> None:
-    vehicle = read_vehicle(VEHICLES / "benzon2022.toml")
+    vehicle = HEAVY
     assert vehicle.centre_of_buoyancy_m == (0.0, 0.0, 0.01)
     assert vehicle.thrusters[0].position_m == (0.156, -0.111, -0.085)
     assert vehicle.thrusters[0].direction == pytest.approx((0.5**0.5, 0.5**0.5, 0.0))
@@ -160,7 +160,7 @@ def test_non_utf8_bytes_raise_with_line(tmp_path: Path) -> None:
 def test_file_with_byte_order_mark_is_read(tmp_path: Path) -> None:
     path = tmp_path / "benzon2022.toml"
     path.write_bytes(b"\xef\xbb\xbf" + TEXT.replace("\n", "\r\n").encode())
-    assert read_vehicle(path).linear_damping == read_vehicle(VEHICLES / "benzon2022.toml").linear_damping
+    assert read_vehicle(path).linear_damping == HEAVY.linear_damping
 
 
 LINEAR, QUADRATIC = "[13.7, 0.0, 33.0, 0.0, 0.8, 0.0]", "[141.0, 217.0, 190.0, 1.192, 0.470, 1.5]"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SimRunner, Task, TaskId, TaskType
+from snr_sim import Config, EndpointFactory, Mode, SimRunner, Task, TaskId, TaskType
 from snr_sim.core.clocks import SimClock
 from snr_sim.plants.stepping import Stepper
 from snr_sim.plants.urov.battery import Battery
@@ -21,7 +21,7 @@ from snr_sim.teleop.keyboard import Keyboard
 from snr_sim.teleop.manual_input import ManualInput
 from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim.testing.fakes import FakeSensor
-from snr_sim.testing.function_components import FunctionLoop, FunctionLoopFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoop, FunctionLoopFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
 
@@ -328,19 +328,10 @@ def controls_towards(goal: Waypoint, places: list[tuple[float, ...]]) -> list[di
 def listener(key: str, pages: list[dict[str, Any]]) -> EndpointFactory:
     """An endpoint that keeps the data of every page of a key."""
 
-    class Listener(Endpoint):
-        def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
-            super().__init__(factory, parent, name)
-            self.task_handlers = {(TaskType.process_data, key): self.on_page}
+    def on_page(task: Task, task_id: TaskId) -> None:
+        pages.append(dict(task.page.data))
 
-        def on_page(self, task: Task, task_id: TaskId) -> None:
-            pages.append(dict(self.get_data(key)))
-
-    class ListenerFactory(EndpointFactory):
-        def get(self, parent: Node) -> Endpoint:
-            return Listener(self, parent, "listener")
-
-    return ListenerFactory()
+    return FunctionEndpointFactory({(TaskType.process_data, key): on_page}, "listener")
 
 
 # -- both roles, with the plant ---------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -21,6 +22,29 @@ from snr_sim_robot_urov.controls import Controls  # noqa: E402
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle  # noqa: E402
 
 
+def store_readings(loop: Any, has_depth: bool = True) -> None:
+    """Store the readings of a level vehicle, 0.95 m deep."""
+    now_s = loop.get_time_s()
+    level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
+    if has_depth:
+        loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
+    loop.store_data("imu", msgspec.to_builtins(level))
+
+
+def run(bring: Any, rate_hz: float, until_s: float, keep: Any = None, keys: Sequence[str] = ()) -> Autopilot:
+    """Run an autopilot whose pages a function brings; another one keeps its own."""
+    factories = [
+        FunctionLoopFactory(bring, "bringer", rate_hz),
+        AutopilotFactory(UrovParameters(vehicle())),
+        FunctionEndpointFactory({(TaskType.store_page, key): keep for key in keys}),
+    ]
+    runner = SimRunner(Config(factories={"urov": factories}), until_s=until_s, log_notes=False)
+    runner.run()
+    autopilot = runner.nodes["urov"].components["autopilot"]
+    assert isinstance(autopilot, Autopilot)
+    return autopilot
+
+
 def autopilot_after(age_s: float, **controls: Any) -> Autopilot:
     """The autopilot after ten seconds of controls that are so old when they arrive."""
     number = 0
@@ -28,20 +52,12 @@ def autopilot_after(age_s: float, **controls: Any) -> Autopilot:
     def bring(loop: Any) -> None:
         nonlocal number
         number += 1
-        now_s = loop.get_time_s()
-        level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
-        loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
-        loop.store_data("imu", msgspec.to_builtins(level))
+        store_readings(loop)
         data = msgspec.structs.asdict(Controls(number, **controls))
         page = Page("controls", data, "topside_node", loop.get_time_s() - age_s, True)
         loop.schedule(Task(TaskType.store_page, "controls", [page]))
 
-    factories = [FunctionLoopFactory(bring, "bringer"), AutopilotFactory(UrovParameters(vehicle()))]
-    runner = SimRunner(Config(factories={"urov": factories}), until_s=10.0, log_notes=False)
-    runner.run()
-    autopilot = runner.nodes["urov"].components["autopilot"]
-    assert isinstance(autopilot, Autopilot)
-    return autopilot
+    return run(bring, 100.0, 10.0)
 
 
 @pytest.mark.parametrize(("age_s", "control_state"), [(0.01, "pilot"), (0.2, "pilot"), (0.3, "idle"), (5.0, "idle")])
@@ -67,26 +83,14 @@ def run_with_depth_until(depth_until_s: float, controls: Controls) -> tuple[Auto
 
     def bring(loop: Any) -> None:
         nonlocal number
-        number, now_s = number + 1, loop.get_time_s()
+        number += 1
         loop.store_data("controls", msgspec.structs.asdict(msgspec.structs.replace(controls, number=number)))
-        if now_s < depth_until_s:
-            loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
-        level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
-        loop.store_data("imu", msgspec.to_builtins(level))
+        store_readings(loop, loop.get_time_s() < depth_until_s)
 
     def keep(task: Task, task_id: Any) -> None:
         pulses.append(task.val_list[0].data["pulses_us"])
 
-    factories = [
-        FunctionLoopFactory(bring, "bringer", 20.0),
-        AutopilotFactory(UrovParameters(vehicle())),
-        FunctionEndpointFactory({(TaskType.store_page, "pwm"): keep}),
-    ]
-    runner = SimRunner(Config(factories={"urov": factories}), until_s=4.0, log_notes=False)
-    runner.run()
-    autopilot = runner.nodes["urov"].components["autopilot"]
-    assert isinstance(autopilot, Autopilot)
-    return autopilot, pulses
+    return run(bring, 20.0, 4.0, keep, ["pwm"]), pulses
 
 
 def test_stale_depth_ends_depth_hold_and_is_noted_once() -> None:
@@ -123,20 +127,13 @@ def test_output_fault_is_reported_and_rearms_only_after_disarm() -> None:
         if 2.3 <= now_s < 2.35:
             state.update(state="active", fault="")
         loop.store_data("pwm_applied", dict(state), process=False)
-        loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
-        level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
-        loop.store_data("imu", msgspec.to_builtins(level))
+        store_readings(loop)
 
     def keep(task: Task, task_id: Any) -> None:
         page = task.val_list[0]
         (commands if page.key == "pwm" else vehicle_pages).append((page.created_at_s, page.data))
 
-    factories = [
-        FunctionLoopFactory(bring, "bringer", 20.0),
-        AutopilotFactory(UrovParameters(vehicle())),
-        FunctionEndpointFactory({(TaskType.store_page, "pwm"): keep, (TaskType.store_page, "vehicle"): keep}),
-    ]
-    SimRunner(Config(factories={"urov": factories}), until_s=3.0, log_notes=False).run()
+    run(bring, 20.0, 3.0, keep, ["pwm", "vehicle"])
     armed = [(round(t, 2), data["is_armed"]) for t, data in commands]
     assert {is_armed for t, is_armed in armed if 0.1 < t < 0.95} == {True}
     assert {is_armed for t, is_armed in armed if 1.1 < t < 2.15} == {False}, "though the surface still says armed"

@@ -121,11 +121,7 @@ class Board:
         self.run_until_us(self._until_us + us)
 
     def run_until_us(self, us: float) -> None:
-        """Advance to a time after power on; do nothing if that has passed.
-
-        Raises:
-            DeviceError: the firmware has stopped: it slept without interrupts, or crashed.
-        """
+        """Advance to a time after power on, unless that has passed; raise a DeviceError if the firmware has halted."""
         self._until_us = max(self._until_us, us)
         until = round(self._until_us * _CYCLES_PER_US)
         if until > self._now:
@@ -136,11 +132,7 @@ class Board:
                 )
 
     def uart_in(self, data: bytes) -> int:
-        """Put bytes on the line to the microcontroller; they arrive one after the other, at its baud rate.
-
-        Returns:
-            How many were accepted: the queue holds 65536.
-        """
+        """Put bytes on the line, at its baud rate; return how many were accepted: the queue holds 65536."""
         return int(self._library.board_put(self._board, data, len(data)))
 
     def uart_out(self) -> bytes:
@@ -209,21 +201,13 @@ class EmulatedPort:
         self._is_open = True
 
     def write(self, data: bytes) -> None:
-        """Put bytes on the line.
-
-        Raises:
-            DeviceError: it was closed, or its queue is full.
-        """
+        """Put bytes on the line; raise a DeviceError if it was closed or its queue is full."""
         self._check()
         if self._board.uart_in(data) < len(data):
             raise DeviceError(f"{self.name} takes no more bytes.", fix="advance its time with board.run_us().")
 
     def read(self) -> bytes:
-        """Return the received bytes.
-
-        Raises:
-            DeviceError: it was closed.
-        """
+        """Return the received bytes; raise a DeviceError if it was closed."""
         self._check()
         data, self._received = self._received + self._board.uart_out(), b""
         return data

@@ -97,7 +97,6 @@ class ProcessorInLoopPlant:
         self.plant.step(dt_s)
 
     def _connect_battery(self) -> None:
-        """Apply the voltage and current of the plant's battery to the pins that measure them."""
         if self._power is not None:
             battery = self.plant.read(self._power)
             for pin, millivolts in enumerate(self._scale.pins_mv(battery.voltage_v, battery.current_a)):

@@ -85,8 +85,7 @@ class McuPwm(PwmBackend):
     def _receive(self, reasons: list[str]) -> None:
         """Process the messages that the board has sent since the last call.
 
-        Raises:
-            DeviceError: the wire is gone, the board is silent, or it has lost our session; the port is closed.
+        A wire that is gone, a silent board or a lost session raises a DeviceError, and the port is closed.
         """
         board = self.board
         try:
@@ -108,10 +107,11 @@ class McuPwm(PwmBackend):
     def _on_telemetry(self, telemetry: wire.Telemetry, reasons: list[str]) -> None:
         if telemetry.session != self.board.session:
             self.disarm_reasons: list[str] = [] if telemetry.session else [RESET]
-            raise DeviceError(
-                self._session_lost_message(telemetry),
-                fix="the connection restarts by itself; command neutral to arm again.",
-            )
+            causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
+            restarted = f"the microcontroller has restarted ({', '.join(causes) or 'its boot loader'})."
+            what = "another program has greeted the microcontroller." if telemetry.session else restarted
+            fix = "the connection restarts by itself; command neutral to arm again."
+            raise DeviceError(f"{self.board.name}: {what}", fix)
         output_count = len(telemetry.widths_us)
         if output_count < self.channels:
             raise DeviceError(
@@ -147,12 +147,6 @@ class McuPwm(PwmBackend):
             self.state, self.reason = "inactive", what
             self.disarm_reasons = [word for word in words if word == STOPPED]
             reasons += [word for word in (NOT_ACTIVE, *words) if word not in reasons]
-
-    def _session_lost_message(self, telemetry: wire.Telemetry) -> str:
-        if telemetry.session:
-            return f"{self.board.name}: another program has greeted the microcontroller."
-        causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
-        return f"{self.board.name}: the microcontroller has restarted ({', '.join(causes) or 'its boot loader'})."
 
     def on_configure(self) -> None:
         """Open the board; check its identity, and that no emergency stop is set."""
@@ -253,12 +247,7 @@ class PowerScale:
 
 
 class McuPower(LifeCycle):
-    """A power module at pins A0 and A1 of the microcontroller. Implements `PowerMonitor`.
-
-    Args:
-        board: its board.
-        scale: of the installed module.
-    """
+    """A power module of some `scale` at pins A0 and A1 of the microcontroller. Implements `PowerMonitor`."""
 
     title = "The power module at the microcontroller"
 
@@ -266,11 +255,7 @@ class McuPower(LifeCycle):
         self._board, self._scale = board, scale
 
     def read(self) -> PowerReading | Stale:
-        """Return the reading in the newest telemetry.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the reading in the newest telemetry; raise a SensorLostError if it was closed."""
         board = self._board
         if self.state == "closed":
             raise SensorLostError(f"{self.title} was closed.", fix="open another.")

@@ -81,10 +81,7 @@ class McuBoard:
         return self._line_s() - self._received_s
 
     def open(self, user: object) -> Ident:
-        """Open the port and greet, if not done yet.
-
-        Args:
-            user: the device that needs it.
+        """Open the port and greet, if not done yet, for a device that needs it.
 
         Raises:
             DeviceError: the port cannot be opened, no device answers, or another one does.

@@ -75,7 +75,6 @@ def _check_version(port: str, message: wire.ToMcu | wire.FromMcu) -> None:
 
 
 def _no_answer_error(port: str, received: bytes, has_telemetry: bool, timeout_s: float) -> DeviceError:
-    """Return the error for a missing answer, chosen by the received bytes."""
     within = f"{port}: no answer to the greeting in {timeout_s:g} s"
     if not received:
         return DeviceError(

@@ -80,11 +80,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         self.servos: EngineServos = servos
 
     def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
-        """Return the pulses for an engine command, clamped to the range of the engine.
-
-        Raises:
-            CommandError: the data are not an engine command.
-        """
+        """Return the pulses for a page's engine command, clamped to the engine's range; errors as `command_of`."""
         limits = self.servos.limits
         command: EngineCommand = command_of(data, EngineCommand, limits)
         clamped = {}

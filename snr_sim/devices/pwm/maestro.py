@@ -20,6 +20,7 @@ from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire import maestro as wire
 from snr_sim.devices.wire.maestro import MaestroError
 from snr_sim.devices.wire.serial_port import BytePort
+from snr_sim.devices.wire.wire_handle import WireHandle
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 
@@ -53,8 +54,8 @@ class Maestro(PwmChip):
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         super().__init__("The Maestro", channels, limits_us, 1.0 / wire.QUARTERS_PER_US)
-        self._open_port, self._now_s, self._sleep, self._has_crc = open_port, now_s, sleep, has_crc
-        self._port: BytePort | None = None
+        self._now_s, self._sleep, self._has_crc = now_s, sleep, has_crc
+        self._port = WireHandle(open_port, self)
         self._counts: Counter[str] = Counter()
         self._query_times_s: list[float] = []  # times of error queries that are not answered yet
         self._received = b""
@@ -71,9 +72,7 @@ class Maestro(PwmChip):
         Raises:
             DeviceError: no device answers, or not a Maestro; or its outputs would stay on if this program were killed.
         """
-        self.close()
-        self._port = self._open_port()
-        self.title: str = f"The Maestro on {self._port.name}"
+        self.title: str = f"The Maestro on {self._port.open().name}"
         try:
             self._identify()
             self._test_timeout()
@@ -110,9 +109,7 @@ class Maestro(PwmChip):
 
     def close(self) -> None:
         """Close the port."""
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
+        self._port.close()
 
     def _identify(self) -> None:
         """Check that it answers as a Maestro and has enough channels."""
@@ -156,7 +153,7 @@ class Maestro(PwmChip):
             )
 
     def _ask(self, question: bytes, about: str) -> int:
-        port = self._require_open()
+        port = self._port.get()
         port.read()  # discards what was received earlier
         self._write(question)
         answer = port.read()
@@ -181,7 +178,7 @@ class Maestro(PwmChip):
         self._write(*wire.set_targets(pulses_us))
 
     def _write(self, *commands: bytes) -> None:
-        self._require_open().write(b"".join(map(self._encode, commands)))
+        self._port.get().write(b"".join(map(self._encode, commands)))
         self._sent_s = self._now_s()
 
     def _encode(self, command: bytes) -> bytes:
@@ -189,7 +186,7 @@ class Maestro(PwmChip):
 
     def _receive(self) -> MaestroError:
         """Return the answers to error queries without waiting."""
-        self._received += self._require_open().read()
+        self._received += self._port.get().read()
         errors = MaestroError(0)
         while len(self._received) >= wire.ANSWER_BYTES:
             number = int.from_bytes(self._received[: wire.ANSWER_BYTES], "little")
@@ -217,8 +214,3 @@ class Maestro(PwmChip):
     def _reset_errors(self) -> None:
         self._sent_s = self._now_s()
         self._query_times_s, self._received, self._consecutive_errors = [], b"", 0
-
-    def _require_open(self) -> BytePort:
-        if self._port is None:
-            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
-        return self._port

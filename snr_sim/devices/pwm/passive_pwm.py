@@ -57,11 +57,7 @@ class PwmChip:
         """Discard errors from the time in which nothing was sent."""
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Send pulses inside the limits; return the generated ones.
-
-        Raises:
-            DeviceError: the wire is gone.
-        """
+        """Send pulses inside the limits; return the generated ones. A wire that is gone raises a DeviceError."""
         raise NotImplementedError(f"{type(self).__name__} needs a method send(self, pulses_us)")
 
     def close(self) -> None:

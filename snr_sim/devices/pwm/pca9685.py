@@ -16,6 +16,7 @@ from collections.abc import Callable
 from snr_sim.devices.pwm.passive_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire.i2c_bus import MAX_BYTES, I2cBus
+from snr_sim.devices.wire.wire_handle import WireHandle
 from snr_sim.prelude.errors import DeviceError, ParameterError
 
 COUNTS = 4096
@@ -67,9 +68,8 @@ class Pca9685(PwmChip):
         self.count_us: float = (self.prescale + 1) / oscillator_hz * 1e6
         super().__init__(f"The PCA9685 at 0x{address:02x}", channels, limits_us, self.count_us)
         self.still_us: list[float] = self._pulses_of([self.count_of(STOP_US)] * channels)
-        self._address, self._open_bus, self._sleep = address, open_bus, sleep
+        self._address, self._bus, self._sleep = address, WireHandle(open_bus, self), sleep
         self._mode = AUTO_INCREMENT | (EXTCLK if has_external_clock else 0)
-        self._bus: I2cBus | None = None
 
     def count_of(self, pulse_us: float) -> int:
         """Return the count of steps that makes the nearest pulse inside the limits."""
@@ -85,8 +85,7 @@ class Pca9685(PwmChip):
         Raises:
             DeviceError: no device answers, or a register does not read back as written.
         """
-        self.close()
-        self._bus = self._open_bus()
+        self._bus.open()
         self._write(ALL_LED_OFF_H, FULL_OFF)  # first: it may be driving a thruster; also required before sleep
         self._write(MODE1, AUTO_INCREMENT | SLEEP)  # it accepts a rate or another clock only asleep
         if self._mode & EXTCLK:
@@ -111,10 +110,11 @@ class Pca9685(PwmChip):
                 LED0 + _BYTES_PER_CHANNEL * first,
                 *(byte for count in counts[first : first + _BLOCK] for byte in (0, 0, count & 0xFF, count >> 8)),
             )
-        mode = self._require_open().read(self._address, MODE1, 1)[0]
+        bus = self._bus.get()
+        mode = bus.read(self._address, MODE1, 1)[0]
         if mode != self._mode:
             raise DeviceError(
-                f"{self.title} on {self._require_open().name} shows 0x{mode:02x} in MODE1, not 0x{self._mode:02x}: "
+                f"{self.title} on {bus.name} shows 0x{mode:02x} in MODE1, not 0x{self._mode:02x}: "
                 "it was reset, so it makes no pulses.",
                 fix="check its power for brown-outs, and that no other program uses it.",
             )
@@ -122,18 +122,16 @@ class Pca9685(PwmChip):
 
     def close(self) -> None:
         """Close the bus; the pulses continue at neutral."""
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            bus.close()
+        self._bus.close()
 
     def _pulses_of(self, counts: list[int]) -> list[float]:
         return [count * self.count_us for count in counts]
 
     def _write(self, register: int, *data: int) -> None:
-        self._require_open().write(self._address, register, bytes(data))
+        self._bus.get().write(self._address, register, bytes(data))
 
     def _check(self, register: int, name: str, expected: int) -> None:
-        bus = self._require_open()
+        bus = self._bus.get()
         found = bus.read(self._address, register, 1)[0]
         if found == expected:
             return
@@ -147,8 +145,3 @@ class Pca9685(PwmChip):
             f"0x{expected:02x} and reads 0x{found:02x}.",
             fix="another part has this address, too (an INA219 is at 0x40 as well): close a solder bridge of one.",
         )
-
-    def _require_open(self) -> I2cBus:
-        if self._bus is None:
-            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
-        return self._bus

@@ -73,7 +73,6 @@ class OutputWatchdog:
 
 
 def _watch(heartbeat_fd: int, out: PwmOut) -> None:
-    """Read heartbeats until they end."""
     os.setsid()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # it ends with its supervisor

@@ -118,7 +118,6 @@ class SupervisedPwm(PwmBackend):
         return status.pulses_us or self.still_us
 
     def _order(self, order: wire.Message, timeout_s: float) -> None:
-        """Send an order and wait for its result."""
         line = self._require_open()
         self._receive()
         before = len(self._requested_by_seq)

@@ -153,11 +153,7 @@ class SysfsPins(PwmChip):
 
 
 def find_chip(root: Path = ROOT) -> Path:
-    """Return the folder of the Pi's PWM chip.
-
-    Raises:
-        DeviceError: there is none; names the missing line of config.txt.
-    """
+    """Return the folder of the Pi's PWM chip; without one, a DeviceError names the missing line of config.txt."""
     found = {chip: (chip / "device").resolve().name for chip in sorted(root.glob("pwmchip*"))}
     for chip, device in found.items():
         if device in CHIPS:

@@ -27,17 +27,11 @@ MEDIA = ("water", "air")
 
 
 class CameraReading(msgspec.Struct, frozen=True, eq=False):
-    """An image.
+    """An image."""
 
-    Args:
-        rgb: uint8, shape (height, width, 3): the top row first, its left pixel first; read-only.
-        field_of_view_rad: from the left edge to the right one.
-        stamp_s: capture time.
-    """
-
-    rgb: Image
-    field_of_view_rad: float
-    stamp_s: float
+    rgb: Image  # uint8, shape (height, width, 3): the top row first, its left pixel first; read-only
+    field_of_view_rad: float  # from the left edge to the right one
+    stamp_s: float  # capture time
 
 
 @dataclass(frozen=True)
@@ -121,13 +115,10 @@ class Camera:
         offset = rotate_vector(attitude, self.mount_position_m)
         origin = position_m[0] + offset[0], position_m[1] + offset[1], position_m[2] + offset[2]
         axes = [rotate_vector(attitude, vector) for vector in DIRECTIONS[self.direction]]
-        with np.errstate(divide="ignore", invalid="ignore"):  # rays parallel to a face
-            rays = PixelRays(origin, axes, (self.width_px, self.height_px), self.pixel)
-            intersect_scene(rays, statics)
-            for ball in balls:
-                rays.intersect_ball(ball.center_m, ball.radius_m, ball.rgb)
-            veil = clouds[0] if clouds else self.backscatter_per_m
-            rgb = rays.through_air() if self.medium == "air" else rays.through_water(veil)
+        rays = PixelRays(origin, axes, (self.width_px, self.height_px), self.pixel)
+        intersect_scene(rays, statics, balls)
+        veil = clouds[0] if clouds else self.backscatter_per_m
+        rgb = rays.through_air() if self.medium == "air" else rays.through_water(veil)
         rgb.flags.writeable = False
         return rgb
 
@@ -144,14 +135,7 @@ class Camera:
 
 
 class PixelRays(Rays):
-    """One ray per pixel.
-
-    Args:
-        origin_m: of the camera.
-        axes: axis, right and down of the image, world frame.
-        size_px: width and height.
-        pixel: width of a pixel, 1 m away.
-    """
+    """One ray per pixel. `axes` are axis, right and down of the image, world frame; `pixel` is its width, 1 m away."""
 
     def __init__(self, origin_m: Point, axes: Sequence[Point], size_px: tuple[int, int], pixel: float) -> None:
         self._axes, self._size_px, self.pixel = axes, size_px, pixel

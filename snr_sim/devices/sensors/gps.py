@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from snr_sim.devices.wire.nmea import CourseSentence, FixSentence, NmeaLines
 from snr_sim.devices.wire.serial_port import BytePort
+from snr_sim.devices.wire.wire_handle import WireHandle
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
@@ -22,15 +23,13 @@ _SHOWN = 16
 class Gps(LifeCycleSensor):
     """The receiver. Implements `Sensor`; reads `GpsReading`, and is stale without a fix.
 
-    Args:
-        open_port: opens the port.
-        now_s: the clock that stamps readings on arrival.
+    `now_s` is the clock that stamps readings on arrival.
     """
 
     def __init__(self, open_port: Callable[[], BytePort], now_s: Callable[[], float]) -> None:
         self.title: str = "The receiver"
-        self._open_port, self._now_s = open_port, now_s
-        self._port: BytePort | None = None
+        self._now_s = now_s
+        self._port = WireHandle(open_port, self)
         self._lines = NmeaLines()
         self._course: CourseSentence | None = None
         self._newest: GpsReading | None = None
@@ -51,17 +50,11 @@ class Gps(LifeCycleSensor):
 
     def on_configure(self) -> None:
         """Open the port. A missing receiver is detected only when sentences stay out."""
-        self.on_close()
-        self._port = self._open_port()
-        self.title = f"The receiver on {self._port.name}"
+        self.title = f"The receiver on {self._port.open().name}"
         self._lines, self._received_bytes, self._last, self._quality = NmeaLines(), 0, b"", None
 
     def read(self) -> GpsReading | Stale:
-        """Return the newest fix.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the newest fix; raise a SensorLostError if it was closed."""
         try:
             if self.state == "error" and self._now_s() >= self._retry_s:
                 self._retry_s = self._now_s() + RETRY_PERIOD_S
@@ -82,12 +75,10 @@ class Gps(LifeCycleSensor):
 
     def on_close(self) -> None:
         """Close the port."""
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
+        self._port.close()
 
     def _receive(self) -> None:
-        data = self._port.read() if self._port is not None else b""
+        data = self._port.get().read()
         self._received_bytes += len(data)
         self._last = (self._last + data)[-_SHOWN:]
         for sentence in self._lines.feed(data):

@@ -21,6 +21,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.devices.wire.wire_handle import WireHandle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.attitude_filter import GRAVITY_MPS2, MahonyFilter
 from snr_sim.prelude.device import Stale
@@ -75,10 +76,10 @@ class Icm20948(LifeCycleSensor):
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.title: str = f"The inertial unit ICM-20948 at 0x{address:02x}"
-        self._open_bus, self._now_s, self._sleep = open_bus, now_s, sleep
+        self._now_s, self._sleep = now_s, sleep
         self._address, self._hard_iron_ut = address, list(hard_iron_ut)
         self._axes = _right_handed(axes)
-        self._bus: I2cBus | None = None
+        self._bus = WireHandle(open_bus, self)
         self._filter = MahonyFilter()
         self._field_ut = [0.0, 0.0, 0.0]
         self._newest: ImuReading | None = None
@@ -91,8 +92,7 @@ class Icm20948(LifeCycleSensor):
 
     def on_configure(self) -> None:
         """Reset and initialise it; check its identity, its registers, and that it measures gravity."""
-        self.on_close()
-        self._bus = self._open_bus()
+        self._bus.open()
         self._identify(self._address, WHO_AM_I, IDENTITY, "an ICM-20948")
         self._write(POWER_1, RESET)
         self._sleep(RESET_S)
@@ -112,11 +112,7 @@ class Icm20948(LifeCycleSensor):
         self._newest = self._measure()
 
     def read(self) -> ImuReading | Stale:
-        """Return a new measurement.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return a new measurement; raise a SensorLostError if it was closed."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle
@@ -130,9 +126,7 @@ class Icm20948(LifeCycleSensor):
 
     def on_close(self) -> None:
         """Close the bus."""
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            bus.close()
+        self._bus.close()
 
     def _set_up(self) -> None:
         self._write(POWER_1, AUTO_CLOCK)
@@ -145,7 +139,7 @@ class Icm20948(LifeCycleSensor):
         for register, value in settings.items():
             self._write(register, value)
         for register, value in settings.items():
-            found = self._require_open().read(self._address, register, 1)[0]
+            found = self._bus.get().read(self._address, register, 1)[0]
             if found != value:
                 raise DeviceError(
                     f"{self.title}: register 0x{register:02x} was written 0x{value:02x} and reads 0x{found:02x}.",
@@ -153,7 +147,7 @@ class Icm20948(LifeCycleSensor):
                 )
         self._write(BANK_SELECT, 0)
         self._identify(COMPASS_ADDRESS, COMPASS_WHO, COMPASS_IDENTITY, "its magnetometer")
-        self._require_open().write(COMPASS_ADDRESS, COMPASS_MODE, bytes([A_HUNDRED_A_SECOND]))
+        self._bus.get().write(COMPASS_ADDRESS, COMPASS_MODE, bytes([A_HUNDRED_A_SECOND]))
 
     def _reinitialise(self) -> None:
         """Initialise it again, in case it was without power."""
@@ -163,7 +157,7 @@ class Icm20948(LifeCycleSensor):
                 self._set_up()
 
     def _measure(self) -> ImuReading:
-        bus = self._require_open()
+        bus = self._bus.get()
         at_s = self._now_s()
         raw = bus.read(self._address, ACCEL_X, 12)
         if raw == b"\0" * 12 or raw == b"\xff" * 12:
@@ -179,7 +173,6 @@ class Icm20948(LifeCycleSensor):
         return ImuReading(rate, force, list(self._field_ut), *roll_pitch_yaw_rad(attitude), at_s)
 
     def _update_field(self, status_and_field: bytes) -> None:
-        """Store the field if it is new and not saturated."""
         ready, x, y, z, _, status = struct.unpack("<B3hBB", status_and_field)
         if ready & 1 and not status & OVERFLOW:
             chip = [x * UT_PER_COUNT, -y * UT_PER_COUNT, -z * UT_PER_COUNT]
@@ -189,7 +182,7 @@ class Icm20948(LifeCycleSensor):
         return [sign * chip[i] for i, sign in self._axes]
 
     def _identify(self, address: int, register: int, identity: int, what: str) -> None:
-        bus = self._require_open()
+        bus = self._bus.get()
         found = bus.read(address, register, 1)[0]
         if found != identity:
             raise DeviceError(
@@ -199,12 +192,7 @@ class Icm20948(LifeCycleSensor):
             )
 
     def _write(self, register: int, value: int) -> None:
-        self._require_open().write(self._address, register, bytes([value]))
-
-    def _require_open(self) -> I2cBus:
-        if self._bus is None:
-            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
-        return self._bus
+        self._bus.get().write(self._address, register, bytes([value]))
 
 
 def is_right_handed(axes: Sequence[str]) -> bool:

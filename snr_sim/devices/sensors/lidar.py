@@ -17,17 +17,11 @@ from snr_sim.prelude.plant import Plant
 
 
 class LidarReading(msgspec.Struct, frozen=True):
-    """Distances of one turn.
+    """Distances of one turn."""
 
-    Args:
-        ranges_m: to the first hit of each ray; the reach where there is none.
-        angles_rad: of each ray, 0 ahead, positive to the left.
-        stamp_s: capture time.
-    """
-
-    ranges_m: list[float]
-    angles_rad: list[float]
-    stamp_s: float
+    ranges_m: list[float]  # to the first hit of each ray; the reach where there is none
+    angles_rad: list[float]  # of each ray, 0 ahead, positive to the left
+    stamp_s: float  # capture time
 
 
 @dataclass(frozen=True)
@@ -76,11 +70,8 @@ class Lidar:
             directions = [ahead * x_axis[i] + left * y_axis[i] for i in range(3)]
             offset = rotate_vector(pose.attitude, self.mount_position_m)
             x, y, z = (at + more for at, more in zip(pose.position_m, offset, strict=True))
-            with np.errstate(divide="ignore", invalid="ignore"):  # rays parallel to a face
-                rays = Rays((x, y, z), (directions[0], directions[1], directions[2]), 1e-3)
-                intersect_scene(rays, statics)
-                for ball in getattr(pose, "balls", ()):
-                    rays.intersect_ball(ball.center_m, ball.radius_m, ball.rgb)
+            rays = Rays((x, y, z), (directions[0], directions[1], directions[2]), 1e-3)
+            intersect_scene(rays, statics, getattr(pose, "balls", ()))
             return LidarReading(np.minimum(rays.depths, self.reach_m).tolist(), angles, pose.stamp_s)
 
         errors = SensorErrors(

@@ -15,6 +15,7 @@ from itertools import count
 from snr_sim.devices.sensors.ms5837 import OVERSAMPLING, Ms5837, Pressure
 from snr_sim.devices.wire import ms5837_bytes as wire
 from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.devices.wire.wire_handle import WireHandle
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.life_cycle import LifeCycleSensor
@@ -50,10 +51,10 @@ class Ms5837I2c(LifeCycleSensor):
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.title: str = f"The depth sensor MS5837 at 0x{address:02x}"
-        self._open_bus, self._now_s, self._sleep = open_bus, now_s, sleep
+        self._now_s, self._sleep = now_s, sleep
         self._address, self._part = address, part or Ms5837()
         self._conversion_s = CONVERSION_S_PER_SAMPLE * self._part.oversampling
-        self._bus: I2cBus | None = None
+        self._bus = WireHandle(open_bus, self)
         self._reading = self._part.reading
         self._surface_pa: float | None = None
         self._newest: DepthReading | None = None
@@ -66,16 +67,15 @@ class Ms5837I2c(LifeCycleSensor):
 
     def on_configure(self) -> None:
         """Reset it; read its calibration and check the sum."""
-        self.on_close()
-        self._bus = self._open_bus()
+        bus = self._bus.open()
         self._command(wire.RESET)
         self._sleep(RESET_S)
         registers = range(wire.READ_PROM, wire.READ_PROM + 2 * wire.PROM_WORDS, 2)
-        words = [int.from_bytes(self._bus.read(self._address, register, 2), "big") for register in registers]
+        words = [int.from_bytes(bus.read(self._address, register, 2), "big") for register in registers]
         try:
             self._calibration = wire.calibration(words)
         except DeviceError as error:
-            raise DeviceError(f"{self.title} on {self._bus.name}: {error.message}", fix=error.fix) from None
+            raise DeviceError(f"{self.title} on {bus.name}: {error.message}", fix=error.fix) from None
         self._convert(_TEMPERATURE)
         self._d2 = self._wait_for_conversion()
         self._conversion_count = count(1)
@@ -92,11 +92,7 @@ class Ms5837I2c(LifeCycleSensor):
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
-        """Return the newest reading; fetch the finished conversion, and start the next one.
-
-        Raises:
-            SensorLostError: it was closed.
-        """
+        """Return the newest reading, and start the next conversion; raise a SensorLostError once it is closed."""
         idle = self.idle(self._newest.stamp_s if self._newest else None)
         if idle is not None:
             return idle
@@ -113,9 +109,7 @@ class Ms5837I2c(LifeCycleSensor):
 
     def on_close(self) -> None:
         """Close the bus."""
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            bus.close()
+        self._bus.close()
 
     def _poll(self) -> None:
         if self._now_s() < self._due_s:
@@ -150,7 +144,7 @@ class Ms5837I2c(LifeCycleSensor):
         return self._raw()
 
     def _raw(self) -> int:
-        raw = int.from_bytes(self._require_open().read(self._address, wire.READ_ADC, wire.ADC_BYTES), "big")
+        raw = int.from_bytes(self._bus.get().read(self._address, wire.READ_ADC, wire.ADC_BYTES), "big")
         if raw == 0:  # its answer when there is no finished conversion
             raise DeviceError(
                 f"{self.title} has no finished conversion.", fix="check its power: it may have been reset."
@@ -168,9 +162,4 @@ class Ms5837I2c(LifeCycleSensor):
         self._due_s = self._started_s + seconds
 
     def _command(self, byte: int) -> None:
-        self._require_open().command(self._address, byte)
-
-    def _require_open(self) -> I2cBus:
-        if self._bus is None:
-            raise DeviceError(f"{self.title} is not open.", fix="call configure() first.")
-        return self._bus
+        self._bus.get().command(self._address, byte)

@@ -18,6 +18,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from snr_sim.prelude.signals import Ball
+
 Floats: TypeAlias = npt.NDArray[np.float64]
 Image: TypeAlias = npt.NDArray[np.uint8]
 Point: TypeAlias = tuple[float, float, float]
@@ -55,9 +57,7 @@ class Rays:
     def block_of(self, corners: Sequence[Point], radius_m: float = 0.0) -> Any:
         """Return the index of the rays that can hit what is between some corners; None if there are none.
 
-        Args:
-            corners: relative to the origin.
-            radius_m: of a ball around each of them.
+        Corners are relative to the origin, with a ball of `radius_m` around each of them.
         """
         return ...  # all, as they are in no order
 
@@ -151,8 +151,9 @@ class Rays:
         return image
 
 
-def intersect_scene(rays: Rays, statics: dict[str, Any]) -> None:
-    """Intersect rays with the shapes of a scene; `prelude/plant.py` lists the kinds."""
+@np.errstate(divide="ignore", invalid="ignore")  # rays parallel to a face
+def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] = ()) -> None:
+    """Intersect rays with the shapes of a scene, of the kinds in `prelude/plant.py`, and with balls that move."""
     for shape in statics.values():
         rgb = [float(value) for value in shape["rgb"]]
         if shape["kind"] == "polyline":
@@ -174,6 +175,8 @@ def intersect_scene(rays: Rays, statics: dict[str, Any]) -> None:
                 a, b, c, d = (corners[corner] for corner in face)
                 rays.intersect_triangle(a, b, c, rgb)
                 rays.intersect_triangle(a, c, d, rgb)
+    for ball in balls:
+        rays.intersect_ball(ball.center_m, ball.radius_m, ball.rgb)
 
 
 def attenuate(thickness: Floats) -> Floats:

@@ -16,20 +16,13 @@ from snr_sim.prelude.plant import Plant
 
 
 class StereoReading(msgspec.Struct, frozen=True, eq=False):
-    """Two images of one moment.
+    """Two images of one moment."""
 
-    Args:
-        left, right: uint8, shape (height, width, 3) each, as in `CameraReading`; read-only.
-        baseline_m: between the cameras.
-        field_of_view_rad: of each, from the left edge to the right one.
-        stamp_s: capture time.
-    """
-
-    left: Image
+    left: Image  # uint8, shape (height, width, 3), as in `CameraReading`; read-only
     right: Image
-    baseline_m: float
-    field_of_view_rad: float
-    stamp_s: float
+    baseline_m: float  # between the cameras
+    field_of_view_rad: float  # of each, from the left edge to the right one
+    stamp_s: float  # capture time
 
 
 @dataclass(frozen=True)

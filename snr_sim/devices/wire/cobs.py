@@ -41,10 +41,7 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(encoded: bytes) -> bytes:
-    """Return the decoded bytes.
-
-    Raises:
-        CobsError: it contains a zero, or a count points beyond its end.
+    """Return the decoded bytes; raise a CobsError at a zero, or a count that points beyond the end.
 
     >>> decode(bytes.fromhex("02 11 02 22")).hex(" ")
     '11 00 22'

@@ -45,11 +45,7 @@ class I2cBus:
             raise DeviceError(f"{self.name} cannot be opened: {error}.", fix=_enable()) from error
 
     def read(self, address: int, register: int, length: int) -> bytes:
-        """Return a block.
-
-        Raises:
-            DeviceError: no device acknowledges, the bus hangs, or the block is incomplete.
-        """
+        """Return a block; raise a DeviceError if no device acknowledges, the bus hangs, or the block is incomplete."""
         block = bytes(self._transfer(self._raw.read_i2c_block_data, address, register, length))
         if len(block) != length:
             raise DeviceError(

@@ -83,10 +83,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(body: bytes) -> Message:
-    """Return the message that `encode` wrote.
-
-    Raises:
-        DeviceError: the bytes are not a message.
+    """Return the message that `encode` wrote; other bytes raise a DeviceError.
 
     >>> decode(b'{"type":"ArmOutputs"}')
     ArmOutputs()
@@ -98,11 +95,9 @@ def decode(body: bytes) -> Message:
 
 
 def receive(line: Connection) -> Message:
-    """Return the next message.
+    """Return the next message, as `decode` does.
 
-    Raises:
-        EOFError, OSError: the other process has ended, or sent more than `MAX_BYTES`.
-        DeviceError: the bytes are not a message.
+    EOFError and OSError mean that the other process has ended, or sent more than `MAX_BYTES`.
     """
     return decode(line.recv_bytes(MAX_BYTES))
 

@@ -33,11 +33,7 @@ def crc4(words: Sequence[int]) -> int:
 
 
 def calibration(words: Sequence[int]) -> tuple[int, ...]:
-    """Return C0 to C6 of a PROM's seven words, C0 without the check sum.
-
-    Raises:
-        DeviceError: the check sum does not match.
-    """
+    """Return C0 to C6 of a PROM's seven words, C0 without the check sum; raise a DeviceError if that is wrong."""
     stored, first = words[0] >> 12, words[0] & 0x0FFF
     computed = crc4([first, *words[1:], 0])
     if stored != computed or not any(words[1:]):

@@ -29,11 +29,7 @@ class BytePort(Protocol):
         ...
 
     def write(self, data: bytes) -> None:
-        """Send bytes without waiting until they are out.
-
-        Raises:
-            DeviceError: the port is gone, or its buffer is full.
-        """
+        """Send bytes, without waiting until they are out; a port that is gone, or full, raises a DeviceError."""
         ...
 
     def read(self) -> bytes:
@@ -112,8 +108,7 @@ class SerialPort:
 def check_port(path: str) -> None:
     """Check that a port exists and may be opened, without opening it, which would reset an Arduino.
 
-    Raises:
-        DeviceError: it does not, with a list of those that do; or permission is missing, with the group that has it.
+    The DeviceError has a list of those that exist, or the group that has the permission.
     """
     if not os.path.exists(path):
         raise _open_error(path, 0, FileNotFoundError(errno.ENOENT, "not there"))
@@ -139,7 +134,6 @@ def _pyserial() -> Any:
 
 
 def _open_error(path: str, baud: int, error: Exception) -> DeviceError:
-    """Return the reason why a port did not open."""
     number = getattr(error, "errno", None)
     if isinstance(error, ValueError):
         listed = ", ".join(map(str, _BAUDS))

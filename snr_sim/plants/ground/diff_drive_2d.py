@@ -81,8 +81,6 @@ class DiffDrive2D(GroundVehicle[DriveState]):
         """Share of the floor that has been in view of the ultrasonic sensor, nearer than its echo."""
         return len(self.seen) / len(self.room.floor_cells)
 
-    # -- moving -------------------------------------------------------------------------------------------------------
-
     def write(self, name: str, command: MotorCommand) -> None:
         """Set the speeds of both motors, clamped to full speed."""
         self._check_command(name, command, command.a, command.d)
@@ -121,13 +119,10 @@ class DiffDrive2D(GroundVehicle[DriveState]):
         self.people_m = tuple(moved)
 
     def _place(self) -> None:
-        """Put the body and people in the space of queries where they are."""
         super()._place()
         if self.people_m:
             walked = zip(self.people_m, self.room.walkers, strict=True)
             self._space.put_people([walker.place_m(along_m) for along_m, walker in walked])
-
-    # -- being measured -----------------------------------------------------------------------------------------------
 
     def read(self, name: str) -> EchoReading | TouchReading | WheelReading:
         """Return the reading of a sensor without errors."""
@@ -171,8 +166,6 @@ class DiffDrive2D(GroundVehicle[DriveState]):
         new &= self.room.floor_cells
         if not new <= self.seen:
             self.seen |= new
-
-    # -- being shown --------------------------------------------------------------------------------------------------
 
     def scene(self) -> dict[str, Any]:
         """Return the room of this run, and the shapes of the vehicle and of people."""

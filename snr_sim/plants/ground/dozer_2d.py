@@ -82,8 +82,6 @@ class Dozer2D(GroundVehicle[DozerState]):
         """Share of the stones that are in the pit."""
         return sum(map(self._soil.is_in_pit, self.stones_m)) / len(self.stones_m)  # exact: integers
 
-    # -- moving -------------------------------------------------------------------------------------------------------
-
     def write(self, name: str, command: DozerCommand) -> None:
         """Set the speeds of both tracks, clamped to full speed, and the goal of the blade."""
         self._check_command(name, command, command.left_mps, command.right_mps, command.blade)
@@ -111,8 +109,6 @@ class Dozer2D(GroundVehicle[DozerState]):
         self.stones_m, push = self._soil.push(self.stones_m, (x + front * cos, y + front * sin), self.heading_rad)
         return push
 
-    # -- being measured -----------------------------------------------------------------------------------------------
-
     def read(self, name: str) -> PoseReading | ViewReading:
         """Return the reading of a sensor without errors; "view" is what cameras need, and no sensor of its own."""
         x, y = self.position_m
@@ -132,8 +128,6 @@ class Dozer2D(GroundVehicle[DozerState]):
         """Return x, y and z of the middle of each stone; those in the pit lie lower."""
         radius = self.heap.radius_m
         return [(x, y, radius - PIT_M if self._soil.is_in_pit((x, y)) else radius) for x, y in self.stones_m]
-
-    # -- being shown --------------------------------------------------------------------------------------------------
 
     def scene(self) -> dict[str, Any]:
         """Return the yard of this run, and the shapes of the vehicle and the stones."""

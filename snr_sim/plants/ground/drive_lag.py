@@ -10,12 +10,7 @@ SAME_MPS = 1e-6  # one that is as near as rounding allows has arrived
 
 
 class DriveLag:
-    """The lag, exact for any step.
-
-    Args:
-        lag_s: time after which 63 % of a change is reached.
-        step_s: of integration.
-    """
+    """The lag, exact for any step: after `lag_s`, 63 % of a change is reached."""
 
     def __init__(self, lag_s: float, step_s: float) -> None:
         self._left, self._steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)

@@ -8,6 +8,7 @@ from typing import Any
 from snr_sim.plants.ground.dozer import Dozer
 from snr_sim.plants.ground.explorer import Explorer
 from snr_sim.plants.ground.room import Point, Room
+from snr_sim.plants.shapes import box, mesh
 
 WALL_M = 0.3  # height of walls in the picture: low, so that the floor is seen
 FURNITURE_M = 0.2
@@ -33,7 +34,7 @@ def room_shapes(room: Room) -> dict[str, Any]:
     middle = [0.5 * (low_x + high_x), 0.5 * (low_y + high_y), -0.01]
     half = [0.5 * (high_x - low_x), 0.5 * (high_y - low_y), 0.005]
     shapes: dict[str, Any] = {
-        "floor": {"kind": "box", "half_size_m": half, "center_m": middle, "rgb": FLOOR_RGB},
+        "floor": box(middle, half, FLOOR_RGB),
         "wall": _fence(room.outline_m, WALL_M, WALL_RGB),
     }
     for i, outline in enumerate(room.furniture_m):
@@ -47,11 +48,11 @@ def explorer_shapes(explorer: Explorer) -> list[dict[str, Any]]:
     front, track = 0.5 * length, 0.5 * explorer.track_m
     bar = 0.5 * explorer.bar_m
     return [
-        _box([0.0, 0.0, 0.5 * height + radius], [front, 0.7 * track, 0.5 * height], BODY_RGB),
-        *(_box([explorer.axle_m, side * track, radius], [radius, 0.014, radius], WHEEL_RGB) for side in (1, -1)),
-        _box([explorer.caster_m, 0.0, 0.4 * radius], [0.4 * radius] * 3, WHEEL_RGB),
-        *(_box([front + bar, side * 0.25 * width, radius], [bar, 0.23 * width, 0.01], BAR_RGB) for side in (1, -1)),
-        *(_box([front, side * 0.02, height + radius], [0.01, 0.012, 0.012], SENSOR_RGB) for side in (1, -1)),
+        box([0.0, 0.0, 0.5 * height + radius], [front, 0.7 * track, 0.5 * height], BODY_RGB),
+        *(box([explorer.axle_m, side * track, radius], [radius, 0.014, radius], WHEEL_RGB) for side in (1, -1)),
+        box([explorer.caster_m, 0.0, 0.4 * radius], [0.4 * radius] * 3, WHEEL_RGB),
+        *(box([front + bar, side * 0.25 * width, radius], [bar, 0.23 * width, 0.01], BAR_RGB) for side in (1, -1)),
+        *(box([front, side * 0.02, height + radius], [0.01, 0.012, 0.012], SENSOR_RGB) for side in (1, -1)),
     ]
 
 
@@ -66,13 +67,13 @@ def dozer_shapes(dozer: Dozer) -> list[dict[str, Any]]:
     (length, width), height = dozer.size_m, dozer.height_m
     front, half = 0.5 * length, 0.5 * dozer.track_length_m
     return [
-        _box([-0.05 * length, 0.0, 0.45 * height], [0.4 * length, 0.3 * width, 0.25 * height], DOZER_RGB),
-        _box([-0.15 * length, 0.0, 0.85 * height], [0.15 * length, 0.22 * width, 0.15 * height], WALL_RGB),
+        box([-0.05 * length, 0.0, 0.45 * height], [0.4 * length, 0.3 * width, 0.25 * height], DOZER_RGB),
+        box([-0.15 * length, 0.0, 0.85 * height], [0.15 * length, 0.22 * width, 0.15 * height], WALL_RGB),
         *(
-            _box([0.0, side * 0.5 * dozer.track_m, 0.2 * height], [half, 0.12 * width, 0.2 * height], TRACK_RGB)
+            box([0.0, side * 0.5 * dozer.track_m, 0.2 * height], [half, 0.12 * width, 0.2 * height], TRACK_RGB)
             for side in (1, -1)
         ),
-        _box([front - 0.01, 0.0, 0.3 * height], [0.01, 0.5 * width, 0.28 * height], BLADE_RGB),
+        box([front - 0.01, 0.0, 0.3 * height], [0.01, 0.5 * width, 0.28 * height], BLADE_RGB),
     ]
 
 
@@ -81,7 +82,7 @@ def stone_shapes(radius_m: float, rgb: tuple[int, int, int]) -> list[dict[str, A
     vertices = [[sign * radius_m if i == axis else 0.0 for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
     # Counter-clockwise from outside; an odd number marks a corner on the negative side.
     faces = [[i, j, k] if (i + j + k) % 2 == 0 else [i, k, j] for i in (0, 1) for j in (2, 3) for k in (4, 5)]
-    return [{"kind": "mesh", "vertices_m": vertices, "triangles": faces, "rgb": list(rgb)}]
+    return [mesh(vertices, faces, list(rgb))]
 
 
 def pit_shapes(room: Room, edge_m: float) -> dict[str, Any]:
@@ -89,7 +90,7 @@ def pit_shapes(room: Room, edge_m: float) -> dict[str, Any]:
     (low_x, high_x), (low_y, high_y) = ((min(values), max(values)) for values in zip(*room.outline_m, strict=True))
     west_m = max(low_x, edge_m)
     corners = [[west_m, low_y, -0.002], [high_x, low_y, -0.002], [high_x, high_y, -0.002], [west_m, high_y, -0.002]]
-    return {"kind": "mesh", "vertices_m": corners, "triangles": [[0, 1, 2], [0, 2, 3]], "rgb": PIT_RGB}
+    return mesh(corners, [[0, 1, 2], [0, 2, 3]], PIT_RGB)
 
 
 def _fence(outline: tuple[Point, ...], height_m: float, rgb: list[int]) -> dict[str, Any]:
@@ -99,8 +100,4 @@ def _fence(outline: tuple[Point, ...], height_m: float, rgb: list[int]) -> dict[
     for i in range(0, len(vertices), 2):
         a, b, c, d = i, i + 1, (i + 2) % len(vertices), (i + 3) % len(vertices)
         triangles += [[a, c, b], [b, c, d]]
-    return {"kind": "mesh", "vertices_m": vertices, "triangles": triangles, "rgb": rgb}
-
-
-def _box(center: list[float], half_size: list[float], rgb: list[int]) -> dict[str, Any]:
-    return {"kind": "box", "half_size_m": half_size, "center_m": center, "rgb": rgb}
+    return mesh(vertices, triangles, rgb)

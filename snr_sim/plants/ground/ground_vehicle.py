@@ -31,10 +31,7 @@ StateT = TypeVar("StateT", bound=Any)  # a NamedTuple of the attributes that are
 class GroundVehicle(Generic[StateT]):
     """Base of plants that drive on a floor.
 
-    Args:
-        vehicle: its numbers.
-        start_of: returns the start and the room of a seed, and what else there is.
-        step_s: of integration.
+    `start_of` returns the start and the room of a seed, and what else there is.
 
     Raises:
         ParameterError: a number is out of range, or a start is not on the floor or touches something.
@@ -63,10 +60,7 @@ class GroundVehicle(Generic[StateT]):
         self._vehicle = vehicle
         self._lag = DriveLag(vehicle.lag_s, step_s)
 
-    # -- start, and being put back ------------------------------------------------------------------------------------
-
     def _start(self, seed: int, *types: type) -> Any:
-        """Return what `start_of` returns for a seed, of these types."""
         given = self.start_of(seed)
         is_start = isinstance(given, tuple) and tuple(map(type, given)) == types
         *others, last = (f"a {one.__name__}" for one in types)
@@ -106,10 +100,7 @@ class GroundVehicle(Generic[StateT]):
         """Simulated time since the last reset: a count, so that nothing adds up."""
         return self.steps * self.step_s
 
-    # -- moving -------------------------------------------------------------------------------------------------------
-
     def _check_command(self, name: str, command: Any, *values: float) -> None:
-        """Check the name of a command's input, and its values."""
         if name not in self.inputs:
             raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         if not all(map(math.isfinite, values)):
@@ -146,5 +137,4 @@ class GroundVehicle(Generic[StateT]):
         self.way_m += step_s * math.sqrt(vx * vx + vy * vy)
 
     def _place(self) -> None:
-        """Put the body in the space of queries where it is."""
         self._space.put_body(*self.position_m, self.heading_rad)

@@ -26,12 +26,7 @@ class Push(NamedTuple):
 
 
 class Soil:
-    """The rules by which the stones of a heap move.
-
-    Args:
-        heap: its numbers.
-        blade_m: width of the blade.
-    """
+    """The rules by which the stones of a heap move in front of a blade."""
 
     def __init__(self, heap: Heap, blade_m: float) -> None:
         self._heap = heap
@@ -45,10 +40,7 @@ class Soil:
     def push(self, stones: tuple[Point, ...], blade: Point, heading_rad: float) -> tuple[tuple[Point, ...], Push]:
         """Return the stones after a small movement of the blade, and what it feels.
 
-        Args:
-            stones: x and y of each, world frame [m].
-            blade: middle of its front, world frame [m].
-            heading_rad: of its forward direction.
+        `stones` and `blade`, the middle of its front, are x and y, world frame [m].
         """
         radius, (x, y) = self._heap.radius_m, blade
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)

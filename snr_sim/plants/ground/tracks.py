@@ -34,12 +34,7 @@ class Grip(NamedTuple):
 
 
 class Tracks:
-    """The tracks of a vehicle.
-
-    Args:
-        dozer: its numbers.
-        step_s: of integration.
-    """
+    """The tracks of a vehicle."""
 
     def __init__(self, dozer: Dozer, step_s: float) -> None:
         self._per_kg = step_s / dozer.mass_kg

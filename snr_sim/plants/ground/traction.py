@@ -18,12 +18,7 @@ GRAVITY_MPS2 = 9.80665
 
 
 class Traction:
-    """The wheels of a vehicle.
-
-    Args:
-        explorer: its numbers.
-        step_s: of integration.
-    """
+    """The wheels of a vehicle."""
 
     def __init__(self, explorer: Explorer, step_s: float) -> None:
         self._arm_m = -explorer.axle_m  # from the axle to the centre of mass
@@ -38,12 +33,9 @@ class Traction:
         return 0.5 * (left_mps + right_mps), 0.5 * (right_mps - left_mps) / self._half_track_m
 
     def drive(self, heading_rad: float, speeds: Speeds, left_mps: float, right_mps: float) -> Speeds:
-        """Return the speeds of a body after a step.
+        """Return the speeds of a body after a step, from heading and speeds before it.
 
-        Args:
-            heading_rad: of it before the step.
-            speeds: before the step.
-            left_mps, right_mps: mean speeds of the wheels' treads in the step.
+        `left_mps` and `right_mps` are the mean speeds of the wheels' treads in the step.
         """
         forward, turn = self.rolling(left_mps, right_mps)
         middle = heading_rad + self._half_step_s * turn  # the chord of an arc has the heading of its middle
@@ -67,6 +59,5 @@ class Traction:
         )
 
     def _granted(self, along_ns: float, across_ns: float) -> float:
-        """Return the share of an impulse that friction can give."""
         needed = math.sqrt(along_ns * along_ns + across_ns * across_ns)
         return 1.0 if needed <= self._max_impulse_ns else self._max_impulse_ns / needed

@@ -9,13 +9,9 @@ Speeds = tuple[float, float, float]  # of the centre of mass along x and y, worl
 
 
 class WallContacts:
-    """Impulses at contacts, and when the next is possible.
+    """Impulses at contacts of a body, and when the next is possible.
 
-    Args:
-        mass_kg, inertia_kgm2: of the body.
-        friction: coefficient of it on walls.
-        fastest_mps: that a part of it and a person can approach each other with.
-        step_s: of integration.
+    `fastest_mps` is the largest speed at which a part of it and a person can approach each other.
     """
 
     def __init__(self, mass_kg: float, inertia_kgm2: float, friction: float, fastest_mps: float, step_s: float) -> None:
@@ -38,12 +34,7 @@ class WallContacts:
         return self._free_steps <= 0
 
     def resolve(self, space: RoomSpace, speeds: Speeds) -> tuple[Speeds, float]:
-        """Return the speeds after all contacts, and the largest speed of a part towards what it met [m/s].
-
-        Args:
-            space: with the body and people where they are.
-            speeds: before.
-        """
+        """Return the speeds after all contacts, and the largest speed of a part towards what it met [m/s]."""
         clearance_m = space.clearance_m()
         if clearance_m > 0.0:
             self._free_steps = int(clearance_m / self._way_m)

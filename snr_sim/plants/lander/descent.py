@@ -129,10 +129,7 @@ def time_to_stop(start: Motion, engine: Engine, final_mps: float = 0.0) -> float
 def stop_height(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
     """Return the height at which full thrust from now on would end the fall [m]; below 0 it is too late.
 
-    Args:
-        start: of the burn.
-        engine: at full thrust.
-        final_mps: the speed that counts as its end, positive down.
+    `final_mps`, positive down, is the speed that counts as its end.
     """
     return propagate(start, *engine, time_to_stop(start, engine, final_mps)).height_m
 

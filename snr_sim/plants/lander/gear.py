@@ -122,7 +122,6 @@ class GearLimits(Record, who="The gear's "):
 
 
 def _numbers(touchdown: Touchdown) -> tuple[float, float, float, float]:
-    """Return a touchdown as `is_within` takes it."""
     attitude, rate = math.radians(touchdown["attitude_deg"]), math.radians(touchdown["rate_degps"])
     return touchdown["vertical_mps"], touchdown["lateral_mps"], attitude, rate
 

@@ -67,8 +67,6 @@ class Hull3D:
         names = {body: HULL, **{world.body_id(name): name for name in PADS_M}}
         self._part_of = [names.get(int(number), GROUND) for number in model.geom_bodyid]
 
-    # -- the state ----------------------------------------------------------------------------------------------------
-
     def put(self, coordinates: tuple[float, ...], motion: tuple[float, ...]) -> None:
         """Set the module's pose with its legs at rest; then take its `state`."""
         self._world.mujoco.mj_resetData(self._model, self._data)
@@ -87,11 +85,7 @@ class Hull3D:
         mujoco.mj_setState(self._model, self._data, np.array(state), mujoco.mjtState.mjSTATE_INTEGRATION)
 
     def update(self) -> None:
-        """Work out from the state where everything is, and what touches.
-
-        Raises:
-            PlantError: the state is no longer finite.
-        """
+        """Work out where everything is, and what touches; raise a PlantError if the state is not finite."""
         self.coordinates, self.motion = self._qpos.tolist(), self._qvel.tolist()
         total = ordered_sum(self.coordinates) + ordered_sum(self.motion)
         if total - total != 0.0:
@@ -102,8 +96,6 @@ class Hull3D:
             part_of = self._part_of
             self.contacts = frozenset(part_of[a] for pair in self._data.contact.geom.tolist() for a in pair) - {GROUND}
 
-    # -- moving -------------------------------------------------------------------------------------------------------
-
     def set_mass(self, mass_kg: float) -> None:
         """Tell MuJoCo the mass of the module with its feet; the centre of mass and the gyration radius stay."""
         mass, offset, inertia = _hull_of(mass_kg, self._gyration2)
@@ -113,8 +105,7 @@ class Hull3D:
     def push(self, force: Vector, torque: Vector) -> None:
         """Set force [N] at the centre of mass, world frame, and torque [N m], body frame, until they are set again.
 
-        Raises:
-            PlantError: one is not finite; checked here, because MuJoCo would write a log file.
+        One that is not finite raises a PlantError here, because MuJoCo would write a log file.
         """
         total = ordered_sum(force) + ordered_sum(torque)
         if total - total != 0.0:
@@ -144,8 +135,7 @@ class Hull3D:
 def _hull_of(mass_kg: float, gyration2: float) -> tuple[float, float, Vector]:
     """Return mass, height of its centre [m] and moments of the hull alone, so that with its feet it is the module.
 
-    Raises:
-        ParameterError: there is no such hull, as the feet alone are heavier or farther out.
+    Raises a ParameterError if there is no such hull, as the feet alone are heavier or farther out.
     """
     rest = mass_kg - _FEET_KG
     raised = _FEET_KG * _FEET_BELOW_M

@@ -71,6 +71,7 @@ class Lander(ABC):
     Args:
         module: its numbers.
         start_of: returns the start and the ground that belong to a seed.
+        seed: of the first run.
         step_s: of integration; see `STEP_S`.
 
     Raises:
@@ -104,7 +105,11 @@ class Lander(ABC):
     outcome: str | None
 
     def __init__(
-        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float
+        self,
+        module: LunarModule,
+        start_of: Callable[[int], tuple[PlaneStart, Terrain]],
+        seed: int = 0,
+        step_s: float = STEP_S,
     ) -> None:
         check_number("The lander's step_s", step_s, LIMITS["flight_step_s"])
         self.module: LunarModule = module
@@ -114,13 +119,11 @@ class Lander(ABC):
         self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
         self._gimbal_step = module.gimbal_rate_radps * step_s
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+        self._build(self._start(seed)[1])
+        self.reset(seed)
 
     def _start(self, seed: int) -> tuple[PlaneStart, Terrain]:
-        """Return the start and the ground that belong to a seed.
-
-        Raises:
-            ParameterError: they are not valid, or a part of the module is in the ground.
-        """
+        """Return the start and the ground of a seed; raise a ParameterError if the module is in the ground."""
         given = self.start_of(seed)
         is_start = isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)
         check_valid(is_start, f"The start of seed {seed}", given, "return a PlaneStart and a Terrain.")
@@ -138,11 +141,9 @@ class Lander(ABC):
         return start, terrain
 
     def _flight_state(self) -> dict[str, Any]:
-        """Return what both engines' states have in common, by the names of their fields."""
         return {name: getattr(self, name) for name in IN_BOTH}
 
     def _restore_flight(self, state: LanderState) -> None:
-        """Put that back."""
         for name in IN_BOTH:
             setattr(self, name, getattr(state, name))
 
@@ -168,6 +169,14 @@ class Lander(ABC):
         return self.steps * self.step_s
 
     # -- what an engine of physics brings -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _build(self, terrain: Terrain) -> None:
+        """Build the world over a ground."""
+
+    @abstractmethod
+    def reset(self, seed: int) -> None:
+        """Put the module at the start that belongs to this seed, over its ground."""
 
     @abstractmethod
     def _advance(self) -> None:
@@ -218,11 +227,9 @@ class Lander(ABC):
             self._advance()
 
     def _burn(self) -> Kick:
-        """Let throttle and nozzle follow their commands for a step.
+        """Let throttle and nozzle follow their commands for a step; return what engine and jets give the module in it.
 
-        Returns:
-            what engine and jets give the module in it: change of velocity to its side and upwards, in its own frame,
-            and twist.
+        That is the change of velocity to its side and upwards, in its own frame, and twist.
         """
         mean = throttle = self.throttle
         goal, gimbal_goal, jets = self.command
@@ -298,7 +305,6 @@ class Lander(ABC):
         raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
 
     def _true_values(self, pose: BodyPose) -> dict[str, Any]:
-        """Return the numbers of `truth`."""
         return {
             "altitude_m": pose.z_m - PADS_BELOW_M - self.terrain.ground(pose.x_m)[0],
             "vertical_mps": pose.vz_mps,

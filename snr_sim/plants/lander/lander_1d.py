@@ -108,8 +108,7 @@ class Lander1D:
     def reset(self, seed: int) -> None:
         """Put the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
-        is_start = isinstance(start, VerticalStart)
-        check_valid(is_start, f"The start of seed {seed}", start, "return a VerticalStart.")
+        check_valid(isinstance(start, VerticalStart), f"The start of seed {seed}", start, "return a VerticalStart.")
         self.time_s: float = 0.0
         self.height_m: float = float(start.height_m)
         self.velocity_mps: float = float(start.velocity_mps)
@@ -145,11 +144,7 @@ class Lander1D:
         return RadarReading(self.height_m, self.velocity_mps, self.time_s)
 
     def step(self, dt_s: float) -> None:
-        """Advance by any time, in at most two pieces: with propellant and without.
-
-        Raises:
-            ParameterError: the time is not a number greater than 0.
-        """
+        """Advance by a time greater than 0, in at most two pieces: with propellant and without."""
         if not 0.0 < dt_s < math.inf:  # also NaN
             raise ParameterError(f"This plant moves on, and not by {dt_s} s.", fix="give more than 0 s, and an end.")
         if self.outcome:
@@ -177,7 +172,9 @@ class Lander1D:
         self.fuel_kg = max(0.0, self.fuel_kg - thrust_n / self.exhaust_mps * time_s)
         self.time_s += time_s
         if contact_s is not None:
-            self._touch()
+            touchdown = Touchdown(vertical_mps=-end.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
+            self.touchdown, self.outcome = touchdown, self.gear.outcome(touchdown, self.fuel_kg)  # it cannot tilt
+            self.height_m = self.velocity_mps = self.throttle = 0.0
         elif end.height_m > self.ceiling_m:
             self.outcome = "out_of_bounds"
         elif not math.isfinite(end.height_m):
@@ -208,11 +205,6 @@ class Lander1D:
             return None
         crest_s = find_root(lambda t: at(t).velocity_mps, 0.0, fastest_fall_s) if start.velocity_mps > 0.0 else 0.0
         return find_root(lambda t: at(t).height_m, crest_s, trough_s)
-
-    def _touch(self) -> None:
-        self.touchdown = Touchdown(vertical_mps=-self.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
-        self.outcome = self.gear.outcome(self.touchdown, self.fuel_kg)  # it cannot tilt
-        self.height_m = self.velocity_mps = self.throttle = 0.0
 
     @property
     def reason(self) -> str:

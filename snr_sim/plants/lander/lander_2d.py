@@ -9,13 +9,12 @@ pymunk moves first and lets weight pull then, so the velocity that it holds has 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from snr_sim.plants.lander.hull import Hull
-from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander, LanderState
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STILL_MPS, STILL_RADPS, Lander, LanderState
 from snr_sim.plants.lander.legs import MAX_CONTACT_RADIUS_M, BodyPose, Kick, Legs
-from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
+from snr_sim.plants.lander.module import TIPPED_RAD
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import Terrain
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
@@ -26,28 +25,14 @@ MAX_FAR_STEPS = 20  # the ground is looked for at least this often
 
 
 class Lander2D(Lander):
-    """The lander in the plane, under pymunk.
+    """The lander in the plane, under pymunk."""
 
-    Args:
-        module, start_of, step_s: as of `Lander`.
-        seed: of the first run.
-    """
-
-    def __init__(
-        self,
-        module: LunarModule,
-        start_of: Callable[[int], tuple[PlaneStart, Terrain]],
-        seed: int = 0,
-        step_s: float = STEP_S,
-    ) -> None:
-        super().__init__(module, start_of, step_s)
-        self._fall_mps = module.gravity_mps2 * step_s  # what weight gives in a step
+    def _build(self, terrain: Terrain) -> None:
+        module = self.module
+        self._fall_mps = module.gravity_mps2 * self.step_s  # what weight gives in a step
         self.engine: str = f"pymunk {pymunk_module().version}"
-        self._legs = Legs(module.leg, module.gyration_m, step_s)
-        self._hull = Hull(module.gyration_m, module.gravity_mps2, self._start(seed)[1])
-        self.reset(seed)
-
-    # -- start, and being put back ------------------------------------------------------------------------------------
+        self._legs = Legs(module.leg, module.gyration_m, self.step_s)
+        self._hull = Hull(module.gyration_m, module.gravity_mps2, terrain)
 
     def reset(self, seed: int) -> None:
         """Rebuild the world and put the module at the start that belongs to this seed."""
@@ -79,10 +64,7 @@ class Lander2D(Lander):
         self._restore_flight(snapshot)
         self._pose: BodyPose | None = None
 
-    # -- moving -------------------------------------------------------------------------------------------------------
-
     def _advance(self) -> None:
-        """Let engine, jets and legs push, then move the body."""
         self._pose = None
         kick = self._fire()
         self._far_steps -= 1
@@ -139,8 +121,6 @@ class Lander2D(Lander):
     def _stand_still(self) -> None:
         self._hull.put(self._hull.pose()._replace(vx_mps=0.0, vz_mps=-self._fall_mps, rate_radps=0.0))
         self._pose = None
-
-    # -- being measured -----------------------------------------------------------------------------------------------
 
     def _read_pose(self) -> BodyPose:
         """Return position and velocity at the same moment; looked up once a step, however many ask."""

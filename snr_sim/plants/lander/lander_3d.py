@@ -7,14 +7,13 @@ MuJoCo holds positions half a step ahead of velocities; `lander.py` gives the re
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from snr_sim.plants.attitude import integrate_attitude, rotation_of
 from snr_sim.plants.lander.hull_3d import HULL, Hull3D
-from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander, LanderState
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STILL_MPS, STILL_RADPS, Lander, LanderState
 from snr_sim.plants.lander.legs import BodyPose, Kick
-from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
+from snr_sim.plants.lander.module import TIPPED_RAD
 from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, PADS_M, legged_module_shapes
 from snr_sim.plants.lander.terrain import Terrain
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
@@ -26,28 +25,13 @@ NOWHERE = (0.0, 0.0, 0.0)  # where a vector begins that is a direction
 
 
 class Lander3D(Lander):
-    """The lander in space, under MuJoCo.
-
-    Args:
-        module, start_of, step_s: as of `Lander`; a start is in the x-z plane.
-        seed: of the first run.
-    """
+    """The lander in space, under MuJoCo; a start is in the x-z plane."""
 
     terrain: Terrain
 
-    def __init__(
-        self,
-        module: LunarModule,
-        start_of: Callable[[int], tuple[PlaneStart, Terrain]],
-        seed: int = 0,
-        step_s: float = STEP_S,
-    ) -> None:
-        super().__init__(module, start_of, step_s)
-        self._hull = Hull3D(module, self._start(seed)[1], step_s)
+    def _build(self, terrain: Terrain) -> None:
+        self._hull = Hull3D(self.module, terrain, self.step_s)
         self.engine: str = self._hull.engine
-        self.reset(seed)
-
-    # -- start, and being put back ------------------------------------------------------------------------------------
 
     def reset(self, seed: int) -> None:
         """Put the module at the start that belongs to this seed, over its ground."""
@@ -57,15 +41,11 @@ class Lander3D(Lander):
         half = 0.5 * attitude
         # Positive attitudes turn counter-clockwise seen from -y: about -y.
         turn = (math.cos(half), 0.0, -math.sin(half), 0.0)
-        self._build()
+        if self._hull.terrain is not self.terrain:
+            self._build(self.terrain)
         coordinates, motion = (x + half_s * vx, 0.0, z + half_s * vz, *turn), (vx, 0.0, vz, 0.0, -start.rate_radps, 0.0)
         self._hull.put(coordinates, motion)
         self.restore(LanderState(self._hull.state(), start.mass_kg, start.fuel_kg, self.terrain, attitude_rad=attitude))
-
-    def _build(self) -> None:
-        """Rebuild the world if the ground has changed."""
-        if self._hull.terrain is not self.terrain:
-            self._hull = Hull3D(self.module, self.terrain, self.step_s)
 
     def snapshot(self) -> LanderState:
         """Return the full state; the returned object is immutable."""
@@ -74,14 +54,13 @@ class Lander3D(Lander):
     def restore(self, snapshot: LanderState) -> None:
         """Put back what `snapshot` returned."""
         self._restore_flight(snapshot)
-        self._build()
+        if self._hull.terrain is not self.terrain:
+            self._build(self.terrain)
         self._hull.put_state(snapshot.body)
         self._hull.set_mass(snapshot.mass_kg)
         self._hull.update()
         self._attitude = snapshot.attitude_rad
         self._pose: BodyPose | None = None
-
-    # -- moving -------------------------------------------------------------------------------------------------------
 
     def _advance(self) -> None:
         """Let engine and jets push, end the flight when it is over, and move the module."""
@@ -135,8 +114,6 @@ class Lander3D(Lander):
     def _stand_still(self) -> None:
         self._hull.stop()
         self._pose = None
-
-    # -- being measured -----------------------------------------------------------------------------------------------
 
     def _read_pose(self) -> BodyPose:
         """Return position and velocity at the same moment; looked up once a step, however many ask."""

@@ -45,7 +45,7 @@ class Legs:
         self.grips_m: tuple[Grip, Grip] = (None, None)
 
     def stand(self, body: BodyPose, mass_kg: float, ground: Terrain, push: Callable[..., None]) -> int:
-        """Push with each foot that touches, for one step.
+        """Push with each foot that touches, for one step; return how many do.
 
         A leg pushes as if its foot were where it would be without ground, so the spring's work is its energy to the
         last joule. Dampers use the velocity of the middle of the step, solved for: they can stop a foot, never turn it.
@@ -55,9 +55,6 @@ class Legs:
             mass_kg: its mass.
             ground: under it.
             push: called with a kick (x, z) and the point it acts at, world frame.
-
-        Returns:
-            how many feet touch.
         """
         x, z, attitude, vx, vz, rate = body
         cos, sin = math.cos(attitude), math.sin(attitude)

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from snr_sim.plants.shapes import box, mesh, polyline
+
 # The module stands 7 m tall and 9.4 m across opposite feet. Seen square to a side, two feet are 6.6 m apart. The
 # centre of mass, half way between the stages when the descent tanks are nearly empty, is an estimate.
 PADS_BELOW_M = 3.6
@@ -69,17 +71,17 @@ def _ascent_stage() -> list[dict[str, Any]]:
     shapes = [
         _shell(cabin, SILVER),
         _shell([_ring(0.5, 3.1, 12), _ring(0.55, 2.5, 12)], GREY),
-        _box([1.74, 0.62, 1.2], [0.06, 0.3, 0.28], DARK),
-        _box([1.74, -0.62, 1.2], [0.06, 0.3, 0.28], DARK),
-        _box([1.72, 0.0, 0.3], [0.08, 0.4, 0.42], GREY),
-        _line([[0.0, 0.0, 3.1], [0.0, 0.0, 4.2]], DARK, 0.03),
+        box([1.74, 0.62, 1.2], [0.06, 0.3, 0.28], DARK),
+        box([1.74, -0.62, 1.2], [0.06, 0.3, 0.28], DARK),
+        box([1.72, 0.0, 0.3], [0.08, 0.4, 0.42], GREY),
+        polyline([[0.0, 0.0, 3.1], [0.0, 0.0, 4.2]], DARK, 0.03),
         _shell([_ring(0.42, 4.25, 10), _ring(0.12, 4.0, 10)], SILVER),
     ]
     for x in (-JETS_OUT_M, JETS_OUT_M):
         for y in (-JETS_OUT_M, JETS_OUT_M):
             shapes += [
-                _box([x, y, 1.0], [0.11, 0.11, 0.3], DARK),
-                _box([x, y, 1.0], [0.28, 0.28, 0.07], GREY),
+                box([x, y, 1.0], [0.11, 0.11, 0.3], DARK),
+                box([x, y, 1.0], [0.28, 0.28, 0.07], GREY),
             ]
     return shapes
 
@@ -89,9 +91,9 @@ def _leg(x: float, y: float) -> list[dict[str, Any]]:
     foot = [x, y, -PADS_BELOW_M + 0.15]
     root_out, root_in = 0.52, 0.36
     return [
-        _line([[root_out * x, root_out * y, -0.5], foot], GOLD, 0.11),
-        _line([[root_in * x, 0.66 * y, -1.95], [0.85 * x, 0.85 * y, -2.6]], FOIL, 0.06),
-        _line([[0.66 * x, root_in * y, -1.95], [0.85 * x, 0.85 * y, -2.6]], FOIL, 0.06),
+        polyline([[root_out * x, root_out * y, -0.5], foot], GOLD, 0.11),
+        polyline([[root_in * x, 0.66 * y, -1.95], [0.85 * x, 0.85 * y, -2.6]], FOIL, 0.06),
+        polyline([[0.66 * x, root_in * y, -1.95], [0.85 * x, 0.85 * y, -2.6]], FOIL, 0.06),
         _shell(
             [_ring(0.16, -PADS_BELOW_M + 0.22, 10, x, y), _ring(0.46, -PADS_BELOW_M + 0.1, 10, x, y),
              _ring(0.38, -PADS_BELOW_M, 10, x, y)],
@@ -120,12 +122,4 @@ def _shell(rings: list[Ring], rgb: list[int]) -> dict[str, Any]:
     base = (len(rings) - 1) * n
     for i in range(1, n - 1):
         triangles += [[0, i, i + 1], [base, base + i + 1, base + i]]
-    return {"kind": "mesh", "vertices_m": vertices, "triangles": triangles, "rgb": rgb}
-
-
-def _box(center: list[float], half_size: list[float], rgb: list[int]) -> dict[str, Any]:
-    return {"kind": "box", "half_size_m": half_size, "center_m": center, "rgb": rgb}
-
-
-def _line(points: list[list[float]], rgb: list[int], radius_m: float) -> dict[str, Any]:
-    return {"kind": "polyline", "points_m": points, "rgb": rgb, "radius_m": radius_m}
+    return mesh(vertices, triangles, rgb)

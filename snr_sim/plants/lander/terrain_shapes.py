@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.lander.terrain import PAD_HALF_WIDTH_M, SPACING_M, Terrain
+from snr_sim.plants.shapes import mesh, polyline
 from snr_sim.prelude.rng import rng_for
 
 SHOWN_M = 250.0  # to either side of the pad; no flight that ends well goes farther
@@ -44,10 +45,10 @@ def terrain_shapes(terrain: Terrain) -> dict[str, Any]:
     return {
         "ground": _ribbon(rows, GROUND_RGB),
         "pad": _ribbon(pad, PAD_RGB),
-        "pad_border": _polyline([*pad[0], *reversed(pad[1]), pad[0][0]], BORDER_RGB, 0.15),
-        "line": _polyline(line, BORDER_RGB, 0.06),
-        "near_edge": _polyline(rows[0], BORDER_RGB, 0.12),
-        "far_edge": _polyline(rows[-1], BORDER_RGB, 0.12),
+        "pad_border": polyline([*pad[0], *reversed(pad[1]), pad[0][0]], BORDER_RGB, 0.15),
+        "line": polyline(line, BORDER_RGB, 0.06),
+        "near_edge": polyline(rows[0], BORDER_RGB, 0.12),
+        "far_edge": polyline(rows[-1], BORDER_RGB, 0.12),
     }
 
 
@@ -71,10 +72,6 @@ def _country(terrain: Terrain, x: Heights, y: Heights, line: Heights) -> Heights
     return heights
 
 
-def _polyline(points: list[list[float]], rgb: list[int], radius_m: float) -> dict[str, Any]:
-    return {"kind": "polyline", "points_m": points, "rgb": rgb, "radius_m": radius_m}
-
-
 def _ribbon(rows: list[list[list[float]]], rgb: list[int]) -> dict[str, Any]:
     """Return a mesh through rows of equally many points, facing up."""
     n = len(rows[0])
@@ -83,4 +80,4 @@ def _ribbon(rows: list[list[list[float]]], rgb: list[int]) -> dict[str, Any]:
         for i in range(n - 1):
             a, b = r * n + i, (r + 1) * n + i
             triangles += [[a, a + 1, b], [a + 1, b + 1, b]]
-    return {"kind": "mesh", "vertices_m": [point for row in rows for point in row], "triangles": triangles, "rgb": rgb}
+    return mesh([point for row in rows for point in row], triangles, rgb)

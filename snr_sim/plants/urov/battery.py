@@ -33,13 +33,10 @@ def _line_at(charge: float) -> tuple[float, float, float]:
 
 
 def cell_v(charge: float) -> float:
-    """Return the voltage of a cell without load.
+    """Return the voltage of a cell without load, at a charge of 0 (empty) to 1 (full).
 
     >>> cell_v(1.0), round(cell_v(0.5), 2), round(cell_v(0.1), 2), cell_v(0.0)
     (4.2, 3.74, 3.35, 2.5)
-
-    Args:
-        charge: 0 empty to 1 full.
     """
     low, low_v, slope = _line_at(charge)
     return low_v + (charge - low) * slope

@@ -85,11 +85,7 @@ class ThrusterFault:
             )
 
     def number_in(self, names: Sequence[str]) -> int:
-        """Return the number of the thruster among those of a vehicle.
-
-        Raises:
-            ParameterError: the name is unknown; the message lists the known ones.
-        """
+        """Return the thruster's number among a vehicle's; raise a ParameterError that lists these if it has none."""
         if isinstance(self.thruster, str):
             found = names.index(self.thruster) if self.thruster in names else -1
         else:

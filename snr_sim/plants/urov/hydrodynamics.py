@@ -47,12 +47,7 @@ AT_REST: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Hydrodynamics:
-    """The mass and the damping of one body, and how it moves by them.
-
-    Args:
-        vehicle: gives added mass and damping.
-        rigid: 6 x 6 mass matrix of the dry body, about the origin of the body frame.
-    """
+    """Mass and damping of one body, whose dry mass matrix is `rigid`, 6 x 6 about the origin of the body frame."""
 
     mass: Matrix  # 6 x 6, with the wet fraction of the added mass
     wet: float  # that fraction

@@ -25,10 +25,9 @@ HALF = "where nothing touches, the plant moves the vehicle by its own equation, 
 
 
 def check_mjcf(world: MujocoWorld, mjcf: str, body: str, pool: Pool, step_s: float) -> None:
-    """Check that a world, made of a text, leaves water, weight and step to the plant.
+    """Raise a ParameterError unless a world, made of a text, leaves water, weight and step to the plant.
 
-    Raises:
-        ParameterError: it does not; the message says what it found, why it is refused and where it belongs.
+    The message says what it found, why it is refused and where it belongs.
     """
     for found, fix in (*_options(world, mjcf, pool, step_s), *_forces(world, body)):
         raise ParameterError(f"The MJCF has {found}.", fix=fix)

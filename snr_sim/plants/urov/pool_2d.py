@@ -40,7 +40,6 @@ class Pool2D:
         self._build(0.0)
 
     def _build(self, y_m: float) -> None:
-        """Build the cut at a y."""
         pymunk, pool = self._pymunk, self._pool
         self._y_m = y_m
         self._space = space = pymunk.Space()
@@ -56,8 +55,6 @@ class Pool2D:
         self._solids = {pymunk.Poly(space.static_body, corners): name for name, corners in solid.items()}
         self._solids |= {pymunk.Circle(space.static_body, POST_M, bar): name for name, bar in bars}
         space.add(self._body, *self._solids)
-
-    # -- the state ----------------------------------------------------------------------------------------------------
 
     def clear(self) -> None:
         """Put the vehicle at rest in the middle of the surface."""
@@ -94,8 +91,6 @@ class Pool2D:
         """Put back what `snapshot` returned."""
         self.set_pose(*snapshot)
 
-    # -- moving -------------------------------------------------------------------------------------------------------
-
     def drift(self, dt_s: float) -> None:
         """Move on at the velocity it has."""
         self._space.step(dt_s)
@@ -123,7 +118,6 @@ class Pool2D:
         return solid, depth_m
 
     def _hits(self) -> Iterator[tuple[str, Contact]]:
-        """Yield what the frame touches, by name, and where."""
         x, z, _ = self.plane_pose()
         self._frame.cache_bb()
         for hit in self._space.shape_query(self._frame):

@@ -336,7 +336,6 @@ class Propulsion:
         self._decay, self._ramp_integral, self._is_stale = 1.0, 0.0, False
 
     def _invalidate(self) -> None:
-        """Invalidate all cached pulses and table values."""
         self._last_pulses = None
         self._is_settled = False
         self._is_stale = True
@@ -359,7 +358,6 @@ class Propulsion:
 
 
 def _products(rows: Sequence[Sequence[float]], column: Sequence[float]) -> list[float]:
-    """Return a matrix, given by its rows, times a column."""
     return [dot_product(row, column) for row in rows]
 
 

@@ -46,12 +46,10 @@ def parts_of(step_s: float) -> int:
 
 
 class SpaceMover(Mover):
-    """Six degrees of freedom. Writes `motion`.
+    """Six degrees of freedom. Writes `motion`; the world of `body` counts in parts of a step.
 
-    Args:
-        body: the vehicle in MuJoCo, whose world counts in parts of a step.
-        pool: its walls are known, so MuJoCo need not check where none is near; None for a world of its own.
-        half_m: no part of the vehicle that touches is farther from its origin.
+    The walls of a `pool` are known, so MuJoCo need not check where none is near; None for a world of its own. No part
+    of the vehicle that touches is farther than `half_m` from its origin.
     """
 
     acceleration: Six
@@ -184,10 +182,9 @@ class SpaceMover(Mover):
         )
 
     def _move_touching(self, nu: Six, wrench: Sequence[float], step_s: float) -> Vector:
-        """Let MuJoCo move on, with the water's forces at the step's begin: contacts may stop what would have moved.
+        """Let MuJoCo move on; return what contacts push, world frame.
 
-        Returns:
-            what contacts push, world frame.
+        The water's forces are those at the step's begin: contacts may stop what would have moved.
         """
         motion, water, body = self._motion, self._water, self._body
         water.entrained_fraction = water.wet

@@ -43,9 +43,7 @@ class Surface:
     def submerged_fraction(self, z_m: float, up_body: Vector) -> tuple[float, Vector]:
         """Return the wet fraction of the displaced volume, and the centre of the wet part [m], body frame.
 
-        Args:
-            z_m: height of the body's origin over the surface.
-            up_body: the world's upward direction, body frame.
+        The origin is `z_m` over the surface; `up_body` is the world's upward direction in the body frame.
         """
         # A small box counts as high as its sides reach up, taken together as at right angles: then a slight tilt makes
         # it no higher, and neighbours above each other do not overlap.

@@ -116,7 +116,6 @@ def _side(
 
 
 def _scaled(lowest: Curve, share: float) -> Curve:
-    """Return the curve at a fraction of the lowest voltage that was measured."""
     force, current = share**FORCE_POWER, share**CURRENT_POWER
     return Curve(
         lowest.pulses_us,

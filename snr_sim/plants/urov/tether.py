@@ -57,7 +57,6 @@ class TetherPull:
         self._damping = 2.0 * tether.damping_share * math.sqrt(self._stiffness * mass_kg)
         self._across = 0.5 * density_kgm3 * tether.across * tether.diameter_m
         self._along = 0.5 * density_kgm3 * tether.along * tether.diameter_m * math.pi
-        self.tension_n: float = 0.0  # of the last call
 
     def force(self, end_m: Vector, velocity: Vector, current: Vector) -> Vector:
         """Return the force on the vehicle [N], world frame.
@@ -70,7 +69,6 @@ class TetherPull:
         ax, ay, az = self.tether.anchor_m
         dx, dy, dz = end_m[0] - ax, end_m[1] - ay, end_m[2] - az
         span = math.sqrt(dx * dx + dy * dy + dz * dz)
-        self.tension_n = 0.0
         if span < 1e-6:
             return 0.0, 0.0, 0.0
         tx, ty, tz = dx / span, dy / span, dz / span
@@ -89,6 +87,6 @@ class TetherPull:
         stretch = span - self.tether.length_m
         if stretch > 0.0:
             opening = vx * tx + vy * ty + vz * tz
-            pull = self.tension_n = max(0.0, self._stiffness * stretch + self._damping * opening)
+            pull = max(0.0, self._stiffness * stretch + self._damping * opening)
             fx, fy, fz = fx - pull * tx, fy - pull * ty, fz - pull * tz
         return fx, fy, fz

@@ -103,7 +103,6 @@ class Urov:
         self.reset(seed)
 
     def _build(self, mjcf: str | None) -> tuple[Body, WaterForces, Mover]:
-        """Build the world, and what moves the vehicle in it; what `Urov2D` does in another way."""
         vehicle, pool, part_s = self.vehicle, self.pool, self.step_s / parts_of(self.step_s)
         if mjcf is None:
             body = MujocoBody(MujocoWorld(pool.mjcf(vehicle), part_s, (BODY,), "the pool"), BODY)
@@ -119,8 +118,7 @@ class Urov:
     def scaled(self, factors: Mapping[str, float]) -> Self:
         """Return a vehicle of which some numbers, those in `SCALABLE`, are multiplied, in the same pool.
 
-        Raises:
-            ParameterError: it is in a world of its own, or a scaled number is out of range.
+        Raises a ParameterError in a world of its own, or if a scaled number is out of range.
         """
         if not self._is_in_pool:
             raise ParameterError("A vehicle in an MJCF world cannot be scaled.", fix="scale it in the file.")

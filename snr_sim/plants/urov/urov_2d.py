@@ -36,12 +36,7 @@ from snr_sim.plants.urov.water_forces import SLOWING_ITERATIONS, WaterForces
 
 
 class Urov2D(Urov):
-    """The underwater vehicle in the plane. Implements `Plant`.
-
-    Args:
-        start_of: returns the dive that belongs to a seed; `in_plane` documents which parts of it are used.
-        vehicle, pool, thrusters, seed, step_s: as of `Urov`.
-    """
+    """The vehicle in the plane. Implements `Plant`; `in_plane` documents which parts of a dive are used."""
 
     def __init__(
         self,
@@ -81,7 +76,6 @@ class PlaneMover(Mover):
         self._pitch = self._plane.plane_pose()[2]
 
     def _follow_mass(self) -> None:
-        """Take over the mass of vehicle and water if it has changed."""
         mass, wet = self._water.hydro.mass, self._water.wet
         if self._known_mass[0] is not mass or self._known_mass[1] != wet:
             self._known_mass = mass, wet
@@ -132,7 +126,6 @@ class PlaneMover(Mover):
         return x, z, rate
 
     def _take_over(self, after: Three) -> None:
-        """Take over where the step led to."""
         motion = self._motion
         (vx, _, vz), (_, y, _) = motion.velocity, motion.position
         x, z, pitch = self._plane.plane_pose()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from snr_sim.plants.shapes import box, mesh, polyline
 from snr_sim.plants.urov.pool import POST_M, WALLS_RISE_M, Pool
 from snr_sim.plants.urov.tether import Tether
-from snr_sim.plants.urov.vehicle import Thruster, Vehicle
+from snr_sim.plants.urov.vehicle import Vehicle
 
 TILE_M = 1.0  # lines on the floor
 LINES_OVER_FLOOR_M = 0.005  # or the floor would hide them
@@ -30,23 +31,18 @@ def pool_shapes(pool: Pool) -> dict[str, Any]:
     bottom, top = -pool.depth_m, WALLS_RISE_M
     rim = [[half_x, half_y], [-half_x, half_y], [-half_x, -half_y], [half_x, -half_y], [half_x, half_y]]
     shapes: dict[str, Any] = {
-        "floor": {
-            "kind": "mesh",
-            "vertices_m": [[x, y, bottom] for x, y in rim[:4]],
-            "triangles": [[0, 1, 2], [0, 2, 3]],
-            "rgb": TILES_RGB[0],
-        },
-        "surface": {**_line([[x, y, 0.0] for x, y in rim], WATER_RGB, 0.03), "label": "water surface"},
-        "rim": _line([[x, y, top] for x, y in rim], WALL_RGB, 0.04),
+        "floor": mesh([[x, y, bottom] for x, y in rim[:4]], [[0, 1, 2], [0, 2, 3]], TILES_RGB[0]),
+        "surface": {**polyline([[x, y, 0.0] for x, y in rim], WATER_RGB, 0.03), "label": "water surface"},
+        "rim": polyline([[x, y, top] for x, y in rim], WALL_RGB, 0.04),
     }
     for i, (x, y) in enumerate(rim[:4]):
-        shapes[f"corner_{i}"] = _line([[x, y, bottom], [x, y, top]], WALL_RGB, 0.04)
+        shapes[f"corner_{i}"] = polyline([[x, y, bottom], [x, y, top]], WALL_RGB, 0.04)
     z = bottom + LINES_OVER_FLOOR_M
-    shapes["lines_north"] = _line([[x, y, z] for x, y in _to_and_fro(half_x, half_y)], LINE_RGB, 0.008)
-    shapes["lines_east"] = _line([[x, y, z] for y, x in _to_and_fro(half_y, half_x)], LINE_RGB, 0.008)
+    shapes["lines_north"] = polyline([[x, y, z] for x, y in _to_and_fro(half_x, half_y)], LINE_RGB, 0.008)
+    shapes["lines_east"] = polyline([[x, y, z] for y, x in _to_and_fro(half_y, half_x)], LINE_RGB, 0.008)
     for i, gate in enumerate(pool.gates):
         corners = [list(corner) for corner in gate.corners_m()]
-        frame = _line([*corners, corners[0]], GATE_RGB[i % 2], POST_M)
+        frame = polyline([*corners, corners[0]], GATE_RGB[i % 2], POST_M)
         shapes[gate.name] = {**frame, "label": gate.name.replace("_", " ")}
     return shapes
 
@@ -78,22 +74,18 @@ def vehicle_shapes(vehicle: Vehicle) -> list[dict[str, Any]]:
     for side in (1.0, -1.0):
         y = side * 0.62 * width
         shapes += [
-            _box([length, 0.012, 0.045], [0.0, y, -0.6 * height], FRAME_RGB),
-            _box([length, 0.012, 0.02], [0.0, y, 0.35 * height], FRAME_RGB),
-            _box([0.025, 0.012, 0.5 * height], [0.8 * length, y, -0.1 * height], FRAME_RGB),
-            _box([0.025, 0.012, 0.5 * height], [-0.8 * length, y, -0.1 * height], FRAME_RGB),
-            _box([0.55 * length, 0.32 * width, 0.035], [0.3 * length, side * 0.5 * width, 0.7 * height], FLOAT_RGB),
-            _box([0.35 * length, 0.32 * width, 0.035], [-0.62 * length, side * 0.5 * width, 0.7 * height], FLOAT_RGB),
-            _box([0.02, 0.022, 0.022], [0.95 * length, side * 0.35 * width, -0.45 * height], LAMP_RGB),
+            box([0.0, y, -0.6 * height], [length, 0.012, 0.045], FRAME_RGB),
+            box([0.0, y, 0.35 * height], [length, 0.012, 0.02], FRAME_RGB),
+            box([0.8 * length, y, -0.1 * height], [0.025, 0.012, 0.5 * height], FRAME_RGB),
+            box([-0.8 * length, y, -0.1 * height], [0.025, 0.012, 0.5 * height], FRAME_RGB),
+            box([0.3 * length, side * 0.5 * width, 0.7 * height], [0.55 * length, 0.32 * width, 0.035], FLOAT_RGB),
+            box([-0.62 * length, side * 0.5 * width, 0.7 * height], [0.35 * length, 0.32 * width, 0.035], FLOAT_RGB),
+            box([0.95 * length, side * 0.35 * width, -0.45 * height], [0.02, 0.022, 0.022], LAMP_RGB),
         ]
     shapes.append(_drum([0.0, 0.0, 0.1 * height], [1.0, 0.0, 0.0], 0.057, 0.17, TUBE_RGB))
     shapes.append(_drum([0.02, 0.0, -0.55 * height], [1.0, 0.0, 0.0], 0.045, 0.13, FRAME_RGB))
-    shapes += [_duct(thruster) for thruster in vehicle.thrusters]
+    shapes += [_drum(list(one.position_m), list(one.direction), DUCT_M, DUCT_M, DUCT_RGB) for one in vehicle.thrusters]
     return shapes
-
-
-def _duct(thruster: Thruster) -> dict[str, Any]:
-    return _drum(list(thruster.position_m), list(thruster.direction), DUCT_M, DUCT_M, DUCT_RGB)
 
 
 def _drum(center: list[float], axis: list[float], radius: float, half: float, rgb: list[int]) -> dict[str, Any]:
@@ -116,12 +108,4 @@ def _drum(center: list[float], axis: list[float], radius: float, half: float, rg
         triangles += [[i, j, n + i], [j, n + j, n + i]]
     for i in range(1, n - 1):
         triangles += [[0, i + 1, i], [n, n + i, n + i + 1]]
-    return {"kind": "mesh", "vertices_m": vertices, "triangles": triangles, "rgb": rgb}
-
-
-def _box(half_size: list[float], center: list[float], rgb: list[int]) -> dict[str, Any]:
-    return {"kind": "box", "half_size_m": half_size, "center_m": center, "rgb": rgb}
-
-
-def _line(points: list[list[float]], rgb: list[int], radius_m: float) -> dict[str, Any]:
-    return {"kind": "polyline", "points_m": points, "rgb": rgb, "radius_m": radius_m}
+    return mesh(vertices, triangles, rgb)

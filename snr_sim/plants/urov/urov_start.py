@@ -28,11 +28,7 @@ TAUT = 1.001  # factor of its length that a tether may be stretched to at the st
 
 
 def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: Any) -> None:
-    """Check what an underwater vehicle is to be made of.
-
-    Raises:
-        ParameterError: a part is of another kind, or vehicle and propulsion have not as many thrusters.
-    """
+    """Raise a ParameterError if a part is of another kind, or vehicle and propulsion differ in their thrusters."""
     for what, given, is_right, expected in (
         ("vehicle", vehicle, isinstance(vehicle, Vehicle), "a Vehicle; read_vehicle makes one of a file"),
         ("pool", pool, isinstance(pool, Pool), "a Pool"),
@@ -50,11 +46,7 @@ def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: 
 
 
 def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thrusters: bool, step_s: float) -> None:
-    """Check a dive before the vehicle is put at its start.
-
-    Raises:
-        ParameterError: it is not a dive, or is not compatible with vehicle and pool.
-    """
+    """Raise a ParameterError unless `dive` is a Dive, and one that is possible with vehicle and pool."""
     check_valid(isinstance(dive, Dive), f"The start of seed {seed}", dive, "give a function that returns a Dive.")
     x, y, z = dive.position_m
     if z < -pool.depth_m or abs(x) > 0.5 * pool.length_m or abs(y) > 0.5 * pool.width_m:
@@ -70,15 +62,7 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
 
 
 def check_clearance(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: Pool) -> None:
-    """Check that a vehicle at the start of a dive is in nothing solid.
-
-    Args:
-        solid, depth_m: what the vehicle is deepest in, and how deep.
-        vehicle, pool: for the message.
-
-    Raises:
-        ParameterError: it is deeper than `MAX_INITIAL_PENETRATION_M`.
-    """
+    """Raise a ParameterError if a vehicle starts deeper than `MAX_INITIAL_PENETRATION_M` in something solid."""
     if depth_m > MAX_INITIAL_PENETRATION_M:
         size = " x ".join(f"{side:g}" for side in vehicle.size_m)
         raise ParameterError(

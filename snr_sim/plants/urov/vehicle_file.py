@@ -43,8 +43,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
         ParameterError: the file cannot be read, lacks a number or its source, or a number is out of range; the message
             names the file, the field and what was found in it.
     """
-    is_path = isinstance(path, str | Path)
-    check_valid(is_path, "The path of the vehicle's file", path, 'Path("vehicles/mine.toml").')
+    check_valid(isinstance(path, str | Path), "The path of the vehicle's file", path, 'Path("vehicles/mine.toml").')
     path = Path(path)
     data = _tables(path)
     try:
@@ -60,7 +59,6 @@ def read_vehicle(path: Path | str) -> Vehicle:
 
 
 def _tables(path: Path) -> dict[str, Any]:
-    """Return the file's content."""
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -77,7 +75,6 @@ def _tables(path: Path) -> dict[str, Any]:
 
 
 def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
-    """Return the vehicle of the file's tables."""
     _check_keys("the file", data, "key of a vehicle file", _KNOWN)
     frame = data.get("frame")
     if not isinstance(frame, str) or frame not in FRAMES:
@@ -123,7 +120,6 @@ def _sources(data: dict[str, Any]) -> dict[str, str]:
 
 
 def _source(what: str, key: Any, named: dict[str, str]) -> str:
-    """Return the text of a source."""
     if not isinstance(key, str) or key not in named:
         raise ParameterError(
             f"{what} is {format_value(key)}, which is not a value with a source that [sources] has.",

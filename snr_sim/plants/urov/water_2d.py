@@ -21,7 +21,6 @@ Source: Lamb, Hydrodynamics (6th ed., 1932), articles 124 and 126: Kirchhoff's e
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -138,10 +137,3 @@ class Water2D:
         z1, z2, z3 = cos * i12 - sin * i11, cos * i22 - sin * i12, cos * i23 - sin * i13
         xz = cos * x2 - sin * x1
         return [[cos * x1 + sin * x2, xz, x3], [xz, cos * z2 - sin * z1, z3], [x3, z3, i33]]
-
-    def energy_j(self, velocity: Sequence[float], pitch: float) -> float:
-        """Return the kinetic energy of body and water."""
-        vx, vz, q = velocity
-        cos, sin = math.cos(pitch), math.sin(pitch)
-        nu = np.array([cos * vx - sin * vz, sin * vx + cos * vz, q])
-        return float(0.5 * nu @ np.array(self._mass) @ nu)  # decides no run: for tests

@@ -51,7 +51,6 @@ class WaterForces:
         self._update_weight()
 
     def _update_weight(self) -> None:
-        """Weigh vehicle, loads and leaked water."""
         self.flotation.load(self._loads, self.water_l, (0.0, 0.0, 0.0) if self._leak is None else self._leak.position_m)
         self.set_submerged_fraction(self.wet)
 
@@ -121,7 +120,6 @@ class WaterForces:
             self.set_submerged_fraction(share)
 
     def _add_tether(self, wrench: Sequence[float], tether: TetherPull, position: Vector) -> Sequence[float]:
-        """Add the tether's pull to a wrench."""
         motion = self._motion
         bx, by, bz = tether.tether.attachment_m
         p, q, r = motion.rate
