@@ -6,18 +6,19 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_encoded, print_note
 from snr_sim.cli.plain_console import escape_markup, plain_console
+from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab.lab import Lab, find_lab
+from snr_sim.grading.lab.verdicts import GraderError
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded, encode_graded
 from snr_sim.prelude.errors import UnknownNameError
-
-if TYPE_CHECKING:
-    from snr_sim.grading.lab.lab import Lab
-    from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
+from snr_sim.scenario.source_checks import notes_on_files
 
 
 def check(
@@ -31,12 +32,6 @@ def check(
 
     Exit status: 0 all points, 1 not all, 2 the request was wrong.
     """
-    from snr_sim.grading.grade import grade_submission
-    from snr_sim.grading.lab.lab import find_lab
-    from snr_sim.grading.lab.verdicts import GraderError
-    from snr_sim.grading.reports.results import encode_graded
-    from snr_sim.scenario.source_checks import notes_on_files
-
     found = find_lab(lab)
     if not folder.is_dir():
         what = f"{folder} is a file, not a folder." if folder.is_file() else f"There is no folder {folder}."

@@ -15,6 +15,8 @@ from snr_sim.cli.recorded_run import Shown, record_run
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import ParameterError, SnrError
 from snr_sim.prelude.io import ENVIRONMENT, parse_io
+from snr_sim.scenario.simulation import Request
+from snr_sim.view.view_server import check_display
 
 
 def run(
@@ -64,8 +66,6 @@ def run(
 
     Exit status: 0 the scenario's criterion was met, 1 it ran and was not, 2 the request was wrong (nothing written).
     """
-    from snr_sim.scenario.simulation import Request
-
     # A file is stored with its path, so that a replay from another folder finds it again.
     options = options_of([*option, f"policy={Path(policy).resolve()}"] if policy else option)
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
@@ -79,8 +79,6 @@ def run(
         print_note("A fast run may be over before its page is open. Try: --speed real, or snr machine view RUN later.")
     _print_sources(context, io)
     if show and not show_web:
-        from snr_sim.view.view_server import check_display
-
         check_display("--view", "--web-view")
     shown: Shown = "browser" if show_web else "window" if show else ""
     is_live = bool(shown) and pace is not None  # a fast run is over before a window is open
