@@ -130,7 +130,8 @@ def _grade_class(
         if isolation == "none":
             _print_note("Programs are not isolated from the grader (--isolation none): these are not valid grades.")
         with _progress(len(submissions)) as on_graded, ExitStack() as stack:
-            workers = cluster or stack.enter_context(LocalWorkers(min(jobs or _cores(), len(submissions))))
+            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+            workers = cluster or stack.enter_context(LocalWorkers(min(jobs or cores, len(submissions))))
             ClassRun(lab, folder, submissions, secret, isolation, on_graded).grade(workers, signals.interruptible)
         with signals.interruptible():
             summary, no_picture = write_class_files(folder, lab.title)
@@ -166,10 +167,6 @@ def _write_container(
             f"{out} is an autograder for Gradescope. Zip what is in it: (cd {out} && zip -r ../autograder.zip .)"
         )
     return 0
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _print_note(words: str) -> None:

@@ -17,6 +17,8 @@ from snr_sim.console.wire import (
     CompleteMessage,
     CompletionsMessage,
     Reply,
+    Request,
+    Response,
     decode_response,
     encode_request,
     read_for,
@@ -71,7 +73,7 @@ class ConsoleClient:
         self._on_state = on_state
         self._changed = threading.Condition()  # guards the attributes below, and is notified of their changes
         self._pending_numbers: set[int] = set()
-        self._answers: dict[int, Reply | CompletionsMessage] = {}
+        self._answers: dict[int, Response] = {}
         self._number = 0
         self._is_up = False
         self._is_console = False  # the other end is known to be a console, whichever end rejected the other
@@ -90,11 +92,7 @@ class ConsoleClient:
         self._thread.join(CONNECT_TIMEOUT_S)
 
     def wait_until_up(self, timeout_s: float) -> None:
-        """Return once the connection is up.
-
-        Raises:
-            LinkError: it is not up after that time, or the node rejected it.
-        """
+        """Return once the connection is up; raise LinkError if it is not after that time, or the node rejected it."""
         with self._changed:
             self._changed.wait_for(lambda: self._is_up or self.was_refused, timeout_s)
             if not self._is_up and self._is_console:
@@ -123,27 +121,25 @@ class ConsoleClient:
             line.encode()
         except UnicodeEncodeError:
             return CommandResult("This line holds text that UTF-8 cannot carry.", is_error=True)
-        reply = self._exchange(lambda number: encode_request(CommandMessage(number, line)), timeout_s)
+        reply = self._exchange(lambda number: CommandMessage(number, line), timeout_s)
         assert isinstance(reply, Reply)
         return result_from_reply(reply)
 
     def complete(self, line: str, timeout_s: float = 1.0) -> list[str]:
         """Return the words that can follow at the end of the line; none without a connection to the node."""
         try:
-            words = self._exchange(
-                lambda number: encode_request(CompleteMessage(number, line[:MAX_LINE_CHARS])), timeout_s
-            )
+            words = self._exchange(lambda number: CompleteMessage(number, line[:MAX_LINE_CHARS]), timeout_s)
         except (LinkError, UnicodeEncodeError):
             return []
         return words.words if isinstance(words, CompletionsMessage) else []
 
-    def _exchange(self, frame_of: Callable[[int], bytes], timeout_s: float) -> Reply | CompletionsMessage:
+    def _exchange(self, request_of: Callable[[int], Request], timeout_s: float) -> Response:
         with self._changed:
             if not self._is_up:
                 raise LinkError(f"There is no connection to {self.host}:{self.port}: {self.reason}")
             self._number += 1
             number, end_count = self._number, self._end_count
-            frame = frame_of(number)
+            frame = encode_request(request_of(number))
             self._pending_numbers.add(number)
             self._call_soon(self._send, frame, end_count)
             self._changed.wait_for(lambda: number in self._answers or self._end_count != end_count, timeout_s)
@@ -248,7 +244,7 @@ class ConsoleClient:
                 self._changed.notify_all()
             self._on_state(f"connected to {self.node} at {self.host}:{self.port}")
 
-    def _take(self, message: Reply | CompletionsMessage) -> None:
+    def _take(self, message: Response) -> None:
         if isinstance(message, Reply) and not message.number:
             self._on_change(result_from_reply(message))
             return

@@ -18,7 +18,7 @@ from snr_sim.console.wire import (
     READ_BYTES,
     SECRET_IS,
     CommandMessage,
-    CompleteMessage,
+    Request,
     decode_request,
     encode_completions,
     encode_reply,
@@ -89,7 +89,7 @@ class ConsoleProtocol:
         self.session: ConsoleSession = session
         self._token_bucket = token_bucket
         self._waiting_number = 0  # of the command whose result is not known yet
-        self._requests: deque[CommandMessage | CompleteMessage] = deque()
+        self._requests: deque[Request] = deque()
         self._flush()
 
     @property
@@ -140,7 +140,7 @@ class ConsoleProtocol:
         self.wire.refuse(reason)
         self._flush()
 
-    def _answer(self, request: CommandMessage | CompleteMessage) -> None:
+    def _answer(self, request: Request) -> None:
         if isinstance(request, CommandMessage):
             answer = self.session.execute(request.line)
             if self.session.is_waiting:
@@ -231,7 +231,9 @@ class CommandReceiver(ServerLoop):
         try:
             await self._serve_connection(connection, reader)
         except asyncio.CancelledError:
-            protocol.end(self._bye_reason())
+            node = self.parent
+            ended = f"ended: {node.exit_reason or 'no reason given'}."
+            protocol.end(f"node '{node.name}' {ended if node.is_finished else 'reloads or removes its console.'}")
             await _close(connection, reader)
         except OSError:
             pass  # the console is gone
@@ -277,12 +279,6 @@ class CommandReceiver(ServerLoop):
             self._forged += 1
             if self._forged == 1:  # logged once: it can happen again and again
                 self.log.warning("a console's connection was closed: %s", connection.protocol.wire.reason)
-
-    def _bye_reason(self) -> str:
-        node = self.parent
-        if node.is_finished:
-            return f"node '{node.name}' ended: {node.exit_reason or 'no reason given'}."
-        return f"node '{node.name}' reloads or removes its console."
 
 
 def _poll_timeout_s(protocol: ConsoleProtocol) -> float:

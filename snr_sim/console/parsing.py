@@ -183,9 +183,10 @@ def parse(table: Table, line: str) -> tuple[CommandSpec, dict[str, Any]]:
 def _arguments(command: CommandSpec, words: list[str]) -> dict[str, Any]:
     given: dict[str, Any] = {}
     for argument in command.arguments:
-        if argument.is_many or argument.kind == "text":
-            given[argument.name] = _rest(argument, words)
-            words = []
+        if argument.is_many:
+            given[argument.name], words = [_one(argument, word) for word in words], []
+        elif argument.kind == "text":
+            given[argument.name], words = parse_name(" ".join(words), argument.name) if words else "", []
         elif words and not (argument.is_optional and argument.choices and words[0] not in argument.choices):
             given[argument.name] = _one(argument, words[0])
             words = words[1:]
@@ -203,12 +204,6 @@ def _check_misspelt(command: CommandSpec, words: list[str]) -> None:
     first = command.arguments[0]
     if words and first.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], first.choices, 1, 0.7):
         _one(first, words[0])
-
-
-def _rest(argument: Argument, words: Sequence[str]) -> Any:
-    if argument.kind == "text":
-        return parse_name(" ".join(words), argument.name) if words else ""
-    return [_one(argument, word) for word in words]
 
 
 def _one(argument: Argument, word: str) -> Any:

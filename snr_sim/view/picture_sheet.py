@@ -58,11 +58,7 @@ class Part(NamedTuple):
 
 
 class Sheet:
-    """A sheet to draw on, of a width and height in points.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """A sheet to draw on, of a width and height in points; raise MissingExtraError if matplotlib is not installed."""
 
     def __init__(self, width: int, height: int, background: Rgb = BACKGROUND) -> None:
         try:

@@ -117,11 +117,7 @@ class _Bounded(io.BufferedReader):
         return data
 
     def seek(self, target: int, whence: int = 0, /) -> int:  # plain: archaic
-        """Go to a position.
-
-        Raises:
-            ValueError: it lies before the beginning, as in a damaged archive.
-        """
+        """Go to a position; raise ValueError if it lies before the beginning, as in a damaged archive."""
         if whence == 0 and target < 0:
             raise ValueError("the position is before the start of the archive")
         return super().seek(target, whence)

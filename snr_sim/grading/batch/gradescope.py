@@ -91,9 +91,8 @@ def write_container(lab: Lab, secret: bytes, isolation: RequestedIsolation, out:
         shutil.copytree(_KIT, kit, ignore=_SKIPPED)
         for kind in ("robots", "scenarios"):
             shipped = _KIT / "shipped" / kind
-            shutil.copytree(
-                shipped if shipped.is_dir() else _KIT.parent / kind, kit / "shipped" / kind, ignore=_SKIPPED
-            )
+            content = shipped if shipped.is_dir() else _KIT.parent / kind
+            shutil.copytree(content, kit / "shipped" / kind, ignore=_SKIPPED)
         shutil.copytree(lab.folder, kit / "shipped" / "assignments" / lab.name, ignore=_SKIPPED)
         write_atomic(out / "secret", secret + b"\n", mode=0o600)
         write_atomic(out / "settings.json", json.dumps({"lab": lab.name, "isolation": isolation}).encode() + b"\n")
@@ -116,11 +115,7 @@ def requirements() -> list[str]:
 
 
 def grade_in_container(root: Path) -> Graded:
-    """Grade the submission in a container, and write its results.json.
-
-    Args:
-        root: /autograder, or where a test has it.
-    """
+    """Grade the submission in a container, and write its results.json; `root` is /autograder in Gradescope."""
     source = root / "source"
     settings = json.loads((source / "settings.json").read_text())
     checks = _KIT / "shipped" / "assignments" / settings["lab"] / "checks.py"

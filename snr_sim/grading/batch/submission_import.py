@@ -70,9 +70,8 @@ def import_submission(given: Path, required: Sequence[str], into: Path) -> Impor
         missing = [name for name in required if not (top / name).is_file()]
         messages = [_missing(name, into, top) for name in missing]
         if len(missing) == len(required):
-            raise SubmissionRejectedError(
-                " ".join([*messages, *notes[:_MAX_NOTES]]), fix=f"hand in {_listed(required)}."
-            )
+            what = " ".join([*messages, *notes[:_MAX_NOTES]])
+            raise SubmissionRejectedError(what, fix=f"hand in {_listed(required)}.")
         if top != into:
             _move_up(top, into)
         _make_read_only(into)
@@ -114,11 +113,7 @@ def _archive_alone_in(folder: int, required: Sequence[str]) -> str | None:
 
 
 def _entries(folder: int) -> list[os.DirEntry[str]]:
-    """Return the entries of a folder, in order.
-
-    Raises:
-        SubmissionRejectedError: that is too much.
-    """
+    """Return the entries of a folder, in order; raise SubmissionRejectedError if that is too much."""
     with os.scandir(folder) as found:
         entries = sorted(islice(found, _MAX_ENTRIES + 1), key=lambda one: one.name)
     if len(entries) > _MAX_ENTRIES:
@@ -184,9 +179,8 @@ def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
             while data := source.read(_CHUNK_BYTES):
                 left -= len(data)
                 if left < 0:
-                    raise SubmissionRejectedError(
-                        f"Your submission is larger than {MAX_BYTES // 2**20} MB.", fix=_ONLY_REQUIRED_FILES
-                    )
+                    what = f"Your submission is larger than {MAX_BYTES // 2**20} MB."
+                    raise SubmissionRejectedError(what, fix=_ONLY_REQUIRED_FILES)
                 copy.write(data)
         count += 1
     return count

@@ -69,9 +69,8 @@ class WorkerProcess:
                 reason = "It took too long, and its worker was ended."
                 break
             reason = f"Its worker {describe_exit(answer)}."
-        return ungraded_result(
-            job, "grader_error", f"{reason} That is a failure of the grader or of the lab; see what it printed."
-        )
+        words = f"{reason} That is a failure of the grader or of the lab; see what it printed."
+        return ungraded_result(job, "grader_error", words)
 
     def close(self) -> None:
         """End the process; a submission being graded has no result."""

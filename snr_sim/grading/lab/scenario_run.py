@@ -116,11 +116,7 @@ def run_scenario(
 
 
 def _prepared(request: Request, remote: Remote, robot: library.FoundItem) -> tuple[Simulation, Plant, Config]:
-    """Prepare the run: read the student's file and create its components.
-
-    Raises:
-        SubmissionError: the student's program failed.
-    """
+    """Prepare the run: read the student's file, create its components; raise SubmissionError if these fail."""
     try:
         path = Path(str(request.controller))
         module = remote.controller(path, [(robot.name, robot.path)])
@@ -140,11 +136,7 @@ def _prepared(request: Request, remote: Remote, robot: library.FoundItem) -> tup
 
 
 def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) -> None:
-    """Check the student's ROLES, and its OPTIONS against the requested options.
-
-    Raises:
-        SubmissionError: they have another form, or an option is missing.
-    """
+    """Check the student's ROLES, and OPTIONS against the requested ones; raise SubmissionError if they are wrong."""
     try:
         roles = controlled_roles(module, base.robot_file)
         check_options(options, base.robot_file, module)
@@ -216,11 +208,7 @@ def _check_run(run: ScenarioRun, remote: Remote, may_fail: bool) -> ScenarioRun:
 
 
 def _robot_of(scenario: str) -> library.FoundItem:
-    """Return the robot of a scenario.
-
-    Raises:
-        GraderError: there is none.
-    """
+    """Return the robot of a scenario; raise GraderError if there is none."""
     try:
         return library.find("robots", library.robot_of_scenario(library.find("scenarios", scenario)))
     except SnrError as error:

@@ -122,11 +122,7 @@ class Student(Submission):
         return self._child
 
     def close(self) -> None:
-        """End the process of this case's calls.
-
-        Raises:
-            SubmissionError: it had printed too much.
-        """
+        """End the process of this case's calls; raise SubmissionError if it had printed too much."""
         if self._child is not None:
             child, self._child = self._child, None
             self.close_child(child)

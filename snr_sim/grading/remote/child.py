@@ -45,13 +45,8 @@ class Child:
     def __init__(self) -> None:
         self._modules: dict[str, ModuleType] = {}
         self._hosts: list[Any] = []
-        self.verbs: dict[str, Callable[[Any], bytes]] = {
-            "hello": lambda do: b"%d" % os.getuid() if hasattr(os, "getuid") else b"0",
-            "call": self.call,
-            "host": self.host,
-            "ask": self.ask,
-            "parse": self.parse,
-        }
+        verbs = (self.hello, self.call, self.host, self.ask, self.parse)
+        self.verbs: dict[str, Callable[[Any], bytes]] = {verb.__name__: verb for verb in verbs}
         self.step: str = ""  # the verb, or "load" while a file is read
 
     def module(self, file: str) -> ModuleType:
@@ -62,6 +57,10 @@ class Child:
             module = self._modules[file] = library.load_program(file)
             self.step = before
         return module
+
+    def hello(self, do: protocol.Hello) -> bytes:
+        """Return which user's this process is."""
+        return b"%d" % os.getuid() if hasattr(os, "getuid") else b"0"
 
     def call(self, do: protocol.Call) -> bytes:
         """Call a function; return its result."""
@@ -101,11 +100,7 @@ def _called(what: str, function: Callable[..., Any], values: list[Any]) -> Any:
 
 
 def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
-    """Return a function of the student's.
-
-    Raises:
-        SnrError: there is none of that name.
-    """
+    """Return a function of the student's; raise SnrError if there is none of that name."""
     function = getattr(module, name, None)
     file = Path(str(module.__file__)).name
     if function is None:
@@ -223,10 +218,7 @@ def _text(text: str) -> str:
 
 def _lines(fd: int) -> Any:
     rest = b""
-    while True:
-        data = os.read(fd, _CHUNK)
-        if not data:
-            return
+    while data := os.read(fd, _CHUNK):
         rest = rest + data if rest else data
         if rest[-1] == _NEWLINE:  # the grader asks one thing at a time
             line, rest = rest, b""
@@ -237,7 +229,5 @@ def _send(fd: int, line: bytes) -> None:
     with suppress(OSError, ValueError):  # it is the student's to close
         _printed.flush()
     line += b"\n"
-    sent = os.write(fd, line)
-    while sent < len(line):
-        line = line[sent:]
-        sent = os.write(fd, line)
+    while line := line[os.write(fd, line) :]:
+        pass

@@ -199,11 +199,7 @@ class ChildProcess:
                 return b""
 
     def _wait(self, timeout: CpuTimeout, event: int) -> None:
-        """Wait until the socket is ready, and read the output of the process meanwhile.
-
-        Raises:
-            SubmissionError: the wait was given up.
-        """
+        """Wait until the socket is ready, reading the output meanwhile; raise SubmissionError to give up."""
         if event != self._event:
             self._event = event
             self._poll.modify(self._socket, event)
@@ -221,11 +217,7 @@ class ChildProcess:
             self._check_timeout(timeout)
 
     def _check_timeout(self, timeout: CpuTimeout) -> None:
-        """Check from time to time on a process that does not answer, and end it when waiting longer is useless.
-
-        Raises:
-            SubmissionError: it was ended.
-        """
+        """End a process that does not answer when waiting longer is useless; raise SubmissionError then."""
         if not timeout.is_over():
             return
         self.kill()
@@ -256,11 +248,7 @@ class ChildProcess:
             self._keep(data)
 
     def _keep(self, data: bytes) -> None:
-        """Keep the start of its output, and count the rest.
-
-        Raises:
-            SubmissionError: it printed too much; raised once.
-        """
+        """Keep the start of its output, and count the rest; raise SubmissionError, once, if it printed too much."""
         was_within_limit = self._printed_bytes <= MAX_PRINTED_BYTES
         self._printed_bytes += len(data)
         self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
@@ -301,11 +289,7 @@ class ChildProcess:
             self._process.kill()
 
     def close(self) -> None:
-        """End it and release everything. Safe to call twice.
-
-        Raises:
-            SubmissionError: it had printed too much.
-        """
+        """End it and release everything, safe to call twice; raise SubmissionError if it had printed too much."""
         if self._socket.fileno() < 0:
             return
         try:

@@ -18,11 +18,7 @@ class UnsendableValueError(Exception):
 
 
 def encode_plain(value: Any, what: str, function: object) -> bytes:
-    """Return JSON of a value that can cross.
-
-    Raises:
-        UnsendableValueError: it cannot; the message describes it.
-    """
+    """Return JSON of a value that can cross; raise UnsendableValueError if it cannot; the message describes it."""
     try:
         raw = _encode(value)
         if b'"$"' not in raw and _decode(raw) == value:

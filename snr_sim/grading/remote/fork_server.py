@@ -96,11 +96,7 @@ class ForkServer:
 
     @contextmanager
     def with_submission(self, folder: Path) -> Iterator[None]:
-        """Have copies hold a submission, until the end; then nothing is left of it.
-
-        Args:
-            folder: of the submission.
-        """
+        """Have copies hold the submission in a folder, until the end; then nothing is left of it."""
         self._submission = folder.resolve()
         try:
             yield
@@ -156,11 +152,7 @@ class ForkServer:
         return self._shown
 
     def exit_status(self, number: int) -> int:
-        """Return the exit status of a copy that has ended, in the form of `subprocess`.
-
-        Raises:
-            GraderError: the fork server has ended, too.
-        """
+        """Return the exit status of a copy that has ended, as `subprocess` does; raise GraderError if there is none."""
         if self._socket is None:
             raise self._fault()
         status: int = NUMBER.unpack(self.request(WAIT + NUMBER.pack(number))[0])[0]

@@ -69,11 +69,7 @@ class PipedProcess(ChildProcess):
         self._piped.kill()
 
     def close(self) -> None:
-        """End it and release everything. Safe to call twice.
-
-        Raises:
-            SubmissionError: it had printed too much.
-        """
+        """End it and release everything, safe to call twice; raise SubmissionError if it had printed too much."""
         if self._printing.closed:
             return
         try:

@@ -141,10 +141,10 @@ class Remote:
         answer = self.ask(protocol.Handle(*self._address(component, node.machine.now_s), raw, processed), _returned)
         for name, raws in answer.returned.items():
             self._answers[name] = self.task_filter.tasks(raws, node, name)
-        if answer.failed:
-            if answer.is_slow:
-                self.submission_error = SubmissionError(answer.text, protocol.SLOW_HINT)
-            self._answers[answer.failed] = StudentCodeError(answer.text, answer.fix)
+        if answer.failure is not None:
+            if answer.failure.step == "slow":
+                self.submission_error = SubmissionError(answer.failure.text, protocol.SLOW_HINT)
+            self._answers[answer.failed] = StudentCodeError(answer.failure.text, answer.failure.fix)
         self._apply(answer, node)
 
     def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepResponse:

@@ -50,11 +50,7 @@ class Limits:
 
 @lru_cache(maxsize=1)
 def find_bubblewrap() -> Path:
-    """Return where bubblewrap is.
-
-    Raises:
-        IsolationMissingError: it is not installed, or this is not Linux.
-    """
+    """Return where bubblewrap is; raise IsolationMissingError if it is not installed, or this is not Linux."""
     if sys.platform != "linux":
         raise IsolationMissingError(
             "Sandboxed grading requires Linux.",
