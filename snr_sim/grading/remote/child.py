@@ -20,16 +20,7 @@ import msgspec
 from snr_sim.core.source_location import describe_error, location_of, prepend_location
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import UnsendableValueError, encode_plain, short
-from snr_sim.grading.sandbox.child_limits import (
-    CpuTimeExceeded,
-    drop_privileges,
-    end_with_parent,
-    forbid_threads,
-    install_timer_handler,
-    limit,
-    limit_cpu_time,
-    start_timer,
-)
+from snr_sim.grading.sandbox import child_limits
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
@@ -132,22 +123,22 @@ def main(
     """
     asks, answers = _line_of_pipes() if line == protocol.PIPES else _line_of_socket(line)
     if user is not None:
-        drop_privileges(user)
+        child_limits.drop_privileges(user)
     if confinement is not None:
         from snr_sim.grading.sandbox.confinement import confine  # here and below: not needed without isolation
 
         confine(answers, *confinement)
     elif line != protocol.PIPES and not is_alone:  # bubblewrap does the same for a sandbox
-        end_with_parent()  # a worker that is killed cannot end its program, which may be in a loop without an end
-    limit(limits, is_alone)
-    start_timer()
+        child_limits.end_with_parent()  # a worker that is killed cannot end its program, which may never end
+    child_limits.limit(limits, is_alone)
+    child_limits.start_timer()
     if is_alone:  # the last wall, behind which no limit needs to be set any more
         from snr_sim.grading.sandbox import seccomp
 
         seccomp.install(seccomp.system_call_filter(seccomp.current_machine(), os.getpid()))
     _printed.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
-    forbid_threads()
-    install_timer_handler()
+    child_limits.forbid_threads()
+    child_limits.install_timer_handler()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     child = Child()
     for asked in _lines(asks):
@@ -179,14 +170,14 @@ def _answer(child: Child, asked: bytes) -> bytes:
     name = str(ask.verb.__struct_config__.tag)
     child.step = name
     try:
-        limit_cpu_time(ask.cpu_s)
+        child_limits.limit_cpu_time(ask.cpu_s)
         try:
             verb = child.verbs.get(name) or node_verbs(child)[name]
             value = verb(ask.verb)
         finally:
-            limit_cpu_time(0.0)
+            child_limits.limit_cpu_time(0.0)
     except BaseException as error:
-        install_timer_handler()
+        child_limits.install_timer_handler()
         return protocol.encode(protocol.CallResponse(ask.n, error=_failure(child, name, error)))
     return b'{"n":%d,"value":%b}' % (ask.n, value)
 
@@ -203,7 +194,7 @@ def _failure(child: Child, do: str, error: BaseException) -> protocol.RemoteFail
     if isinstance(error, UnsendableValueError):
         return protocol.RemoteFailure(child.step, _text(str(error.args[0])), is_value=True)
     while_what = f"while it was asked to {do}" if do not in ("ask", "call") else "while the lab tried your file"
-    if isinstance(error, CpuTimeExceeded):
+    if isinstance(error, child_limits.CpuTimeExceeded):
         return protocol.RemoteFailure("slow", _text(describe_error(error, while_what).replace("CpuTimeExceeded: ", "")))
     if isinstance(error, SnrError):
         prepend_location(error)

@@ -16,20 +16,8 @@ from typing import IO, Any
 from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox import sandbox
 from snr_sim.grading.sandbox.confiner import FILE_BYTES, Confiner
-from snr_sim.grading.sandbox.sandbox import (
-    KIT,
-    LABS,
-    NOBODY,
-    SYSTEM,
-    Limits,
-    bubblewrap_command,
-    first_private_ancestor,
-    is_root,
-    outermost,
-    package_folders,
-    python_folders,
-)
 
 # They choose numeric code paths that differ in the last bits; a graded run must equal that of `snr run`.
 NUMERIC_ENV_VARS = ("OPENBLAS_CORETYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES")
@@ -48,7 +36,7 @@ def start_command(
     folder: Path,
     isolation: Isolation,
     line: int,
-    limits: Limits,
+    limits: sandbox.Limits,
     readable: Sequence[Path],
     confiner: Confiner | None = None,
     is_fork_server: bool = False,
@@ -70,12 +58,13 @@ def start_command(
     confinement = ""
     if confiner is not None:
         limits = replace(limits, file_bytes=min(limits.file_bytes, FILE_BYTES))
-        system = [name for name in ("/usr", *SYSTEM) if Path(name).is_dir()]
-        granted = [*system, *map(str, outermost([*python_folders(), KIT, *readable])), str(folder)]
-        confinement = f", {(confiner.user, granted, str(LABS), str(confiner.scratch))}"
+        system = [name for name in ("/usr", *sandbox.SYSTEM) if Path(name).is_dir()]
+        own = sandbox.outermost([*sandbox.python_folders(), sandbox.KIT, *readable])
+        granted = [*system, *map(str, own), str(folder)]
+        confinement = f", {(confiner.user, granted, str(sandbox.LABS), str(confiner.scratch))}"
     limited = (limits.cpu_s, limits.memory_bytes, limits.file_bytes, limits.open_files)
-    drops_to = NOBODY if isolation == "sandbox" and is_root() else None
-    path = [str(one) for one in dict.fromkeys([*package_folders(), KIT.parent])]
+    drops_to = sandbox.NOBODY if isolation == "sandbox" and sandbox.is_root() else None
+    path = [str(one) for one in dict.fromkeys([*sandbox.package_folders(), sandbox.KIT.parent])]
     begin = (
         f"import sys; sys.path[:] = {path!r}; from snr_sim.grading.remote.{module} import main; "
         f"main({line}, {limited}, {isolation != 'none'}, {drops_to}{confinement})"
@@ -83,7 +72,7 @@ def start_command(
     # What -I is, but for PYTHONHASHSEED: there is nothing else in the environment. And -S, as sys.path is given whole.
     python = [os.path.realpath(sys.executable), "-P", "-s", "-S", "-c", begin]
     if isolation == "sandbox":
-        return [*bubblewrap_command(folder, readable, is_fork_server), *python], Path("/")
+        return [*sandbox.bubblewrap_command(folder, readable, is_fork_server), *python], Path("/")
     return python, folder
 
 
@@ -91,7 +80,7 @@ def start_process(
     folder: Path,
     isolation: Isolation,
     line: int,
-    limits: Limits,
+    limits: sandbox.Limits,
     readable: Sequence[Path] = (),
     confiner: Confiner | None = None,
     is_fork_server: bool = False,
@@ -120,8 +109,8 @@ def start_process(
 @contextmanager
 def readable_copy(folder: Path, isolation: Isolation) -> Iterator[Path]:
     """Yield a folder that the unprivileged user can read: the submission's, or a copy if only its owner may."""
-    is_reached = isolation == "sandbox" or first_private_ancestor(folder) is None
-    if isolation == "none" or not is_root() or (is_reached and _is_open(folder)):
+    is_reached = isolation == "sandbox" or sandbox.first_private_ancestor(folder) is None
+    if isolation == "none" or not sandbox.is_root() or (is_reached and _is_open(folder)):
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
