@@ -65,12 +65,7 @@ def _describe_wire(wire: HostPort) -> str:
 
 
 def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator[Finding]:
-    """Identify the device at a port, or open the devices as `snr io` does, and yield their states.
-
-    Args:
-        io: as requested.
-        open_port: of a microcontroller.
-    """
+    """Identify the device at a port, or open the devices as `snr io` does, and yield their states."""
     try:
         if io.kind == "mcu":
             yield from _microcontroller(open_port or (lambda: SerialPort(io.address, BAUD)))

@@ -20,12 +20,9 @@ MAX_SEEDS = 10_000
 
 
 def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, as_json: bool) -> None:
-    """Run a scenario with several seeds, unrecorded, and print what its machines reached.
+    """Run a scenario with several seeds, "0..19" or one, unrecorded, and print what its machines reached.
 
-    Args:
-        seeds: "0..19", or one.
-        controller: as of `snr run`; that of the scenario if empty.
-        min_percent: of states and transitions; below it the exit status is 1.
+    The exit status is 1 if it is less than `min_percent` of states and transitions.
     """
     found: dict[str, tuple[Program, Coverage]] = {}
     with capture_output(is_json=True):

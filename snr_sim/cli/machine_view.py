@@ -22,12 +22,9 @@ from snr_sim.web.timeline import header_of
 
 
 def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
-    """Serve the page until Ctrl-C.
+    """Serve the page of a machine, whose name is empty if there is only one, until Ctrl-C; port 0 takes a free one.
 
-    Args:
-        name: of the machine; empty if there is one only.
-        port: 0 takes a free one.
-        is_trusted: whether the run's files may be executed to explain it, also those of another user.
+    If `is_trusted`, the run's files may be executed to explain it, also those of another user.
     """
     check_packages()
     from snr_sim.web.server import serve

@@ -27,10 +27,7 @@ def why(
 ) -> None:
     """Print why the transitions of a run's machines were taken or not, in an interval.
 
-    Args:
-        machine: path of the machine; empty for all.
-        target: only transitions to this state; empty for all.
-        from_s, until_s: the interval.
+    Only those of one machine, by its path, and to one target, if these are not empty.
     """
     if not 0.0 <= from_s <= until_s:
         raise ParameterError(f"The interval is from {from_s:g} s to {until_s:g} s.", fix="--from 10 --until 12.")

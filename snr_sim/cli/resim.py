@@ -65,8 +65,7 @@ def resim(
 def with_devices(request: Request, io: str) -> Request:
     """Return a recorded request with the devices asked for, or with its own devices if none of them is real.
 
-    Raises:
-        ParameterError: the user gave no devices and the run had real ones, which would move unexpectedly.
+    ParameterError is raised if none were asked for and the run had real ones, which would move unexpectedly.
     """
     if io:
         is_whole = parse_io(request.io).kind == "pi" and parse_io(io).kind != "pi"

@@ -32,8 +32,7 @@ class ConsoleCommandError(SnrError):
 def split_line(line: str) -> list[str]:
     """Return the words of a line: they end at a space outside of brackets and quotes.
 
-    Raises:
-        ConsoleCommandError: the line is too long, or has an unclosed bracket or quote.
+    ConsoleCommandError is raised if the line is too long, or has an unclosed bracket or quote.
 
     >>> split_line('task start [1, 2] "a b" {"k": "]"}')
     ['task', 'start', '[1, 2]', '"a b"', '{"k": "]"}']
@@ -92,11 +91,7 @@ def _check_numbers(value: Any) -> None:
 
 
 def parse_name(word: str, what: str) -> str:
-    """Return the name that a word contains: the word itself, or the content of its quotes.
-
-    Raises:
-        ConsoleCommandError: it is empty, too long, or contains characters that cannot be printed.
-    """
+    """Return the name that a word or its quotes contain; raise ConsoleCommandError for an invalid one."""
     name = parse_value(word) if word.startswith('"') else word
     if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME_CHARS or not name.isprintable():
         raise ConsoleCommandError(
@@ -160,11 +155,7 @@ Table: TypeAlias = Mapping[str, CommandSpec]
 
 
 def parse(table: Table, line: str) -> tuple[CommandSpec, dict[str, Any]]:
-    """Return the command of a line, and its arguments by name.
-
-    Raises:
-        ConsoleCommandError: the command is unknown, or its arguments are invalid.
-    """
+    """Return the command of a line, and its arguments by name; raise ConsoleCommandError for invalid ones."""
     words = split_line(line)
     if not words:
         raise ConsoleCommandError("An empty line is not a command.", fix="help lists the commands.")

@@ -79,14 +79,9 @@ def tether_part(
     pull_n: float,
     fraction: float,
 ) -> Part:
-    """Return a tether from its anchor to its body: straight if taut, with a sag if slack.
+    """Return a tether of a scene from its anchor to its body: straight if taut, with a sag if slack.
 
-    Args:
-        projection: of the scene.
-        position, pose: of the body.
-        tether: as the scene describes it.
-        pull_n: its force on the body, shown as its redness.
-        fraction: opacity, 0 to 1.
+    It is redder for a larger pull [N], and as opaque as the fraction, 0 to 1.
     """
     start = projection.at(tether["anchor_m"][0], tether["anchor_m"][2])
     dx, dy = span = position.at(world_from_body(pose, tether["place_m"])) - start

@@ -39,11 +39,9 @@ def title_of(header: Header) -> str:
 
 
 class Writer:
-    """Writer of one run to a stream.
+    """Writer of one run to a recording stream of `rr`, the module rerun, which only `view.py` imports.
 
     Args:
-        rr, stream: the module rerun, which only `view.py` imports, and a recording stream of it.
-        header: of the run.
         root: prefix of its entities, if there are two runs in the stream.
         layout: shared by the runs in the stream; by default a new one.
         lines: of handlers, by name.

@@ -67,11 +67,7 @@ _decode_saved = msgspec.json.Decoder(_SavedResult).decode
 
 
 class ClassFolder:
-    """A class's folder, opened to work in.
-
-    Args:
-        path: made if it is not there.
-        is_resumed: whether it may hold results already.
+    """A class's folder, made if it is not there, and opened to work in.
 
     Raises:
         SnrError: it holds results and is not resumed, another process works in it, or it cannot be written.

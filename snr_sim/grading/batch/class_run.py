@@ -37,15 +37,9 @@ _MAX_WAIT_S = 1.0
 
 
 class ClassRun:
-    """Submissions in progress.
+    """Submissions in progress, into the folder of a class that was begun.
 
-    Args:
-        lab: its checks and cases.
-        folder: of the class, begun.
-        submissions: all of them, in order.
-        secret: from which hidden cases are drawn.
-        isolation: "required" or "none".
-        on_done: is called with each result, also with those that are there already.
+    `on_done` is called with each result, also with those that are there already.
     """
 
     def __init__(
@@ -71,14 +65,11 @@ class ClassRun:
         workers: LocalWorkers | ClusterWorkers,
         interruptible: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
-        """Grade all submissions.
+        """Grade all submissions; raise OSError if a result cannot be written, such as on a full disk.
 
         Args:
             workers: grade them; the caller closes them.
             interruptible: is entered while this only waits, and may raise there: `StopSignals.interruptible`.
-
-        Raises:
-            OSError: a result cannot be written, such as on a full disk.
         """
         in_progress: dict[Future[Any], tuple[Job, ImportedSubmission]] = {}
         while True:
@@ -130,8 +121,7 @@ class ClassRun:
 def write_class_files(folder: ClassFolder, title: str) -> tuple[class_reports.Summary, str]:
     """Write class.csv, cases.csv, leaderboard.csv if something is ranked, and distribution.png.
 
-    Returns:
-        the class in numbers, and why there is no picture, if there is none.
+    Return the class in numbers, and why there is no picture, if there is none.
     """
     summary = class_reports.Summary()
     for graded in folder.every_result():

@@ -81,10 +81,7 @@ class ClusterWorkers:
 
 @contextmanager
 def connected(address: str) -> Iterator[ClusterWorkers]:
-    """Yield the workers of a cluster.
-
-    Args:
-        address: of a dask scheduler, such as tcp://127.0.0.1:8786.
+    """Yield the workers of the cluster of a dask scheduler's address, such as tcp://127.0.0.1:8786.
 
     Raises:
         MissingExtraError: dask.distributed is not installed.

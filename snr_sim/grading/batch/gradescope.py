@@ -71,13 +71,9 @@ cd "$root"
 
 
 def write_container(lab: Lab, secret: bytes, isolation: RequestedIsolation, out: Path) -> None:
-    """Write the files that Gradescope needs.
+    """Write the files that Gradescope needs into a new folder.
 
-    Args:
-        lab: its checks and cases.
-        secret: from which hidden cases are drawn.
-        isolation: "required", or "none" to try it where programs cannot be isolated.
-        out: a new folder.
+    Isolation is "required", or "none" to try it where programs cannot be isolated.
 
     Raises:
         SnrError: there is something in the folder already, or it cannot be written.

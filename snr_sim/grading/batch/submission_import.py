@@ -49,15 +49,10 @@ class ImportedSubmission:
 
 
 def import_submission(given: Path, required: Sequence[str], into: Path) -> ImportedSubmission:
-    """Copy a submission to `into`, which must not be there yet.
-
-    Args:
-        given: a folder or a zip archive.
-        required: the lab's files, by name.
-        into: becomes a folder of plain files, all read-only.
+    """Copy a submission, a folder or a zip archive, to `into`, which must not be there yet: plain files, all read-only.
 
     Raises:
-        SubmissionRejectedError: nothing in it can be graded; the message gives the student the reason.
+        SubmissionRejectedError: none of the required files is in it; the message gives the student the reason.
     """
     notes: list[str] = []
     into.mkdir(mode=0o755)
@@ -124,10 +119,7 @@ def _entries(folder: int) -> list[os.DirEntry[str]]:
 def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]:
     """Yield the plain files under a folder, each open; its folders after its files.
 
-    Args:
-        folder: its descriptor. Nothing is opened by a path: a folder on it may have become a link meanwhile.
-        inside: its name in the submission.
-        notes: a note for each entry left out is added here.
+    Nothing is opened by a path: a folder on it may have become a link meanwhile. `inside` is its name for the notes.
     """
     folders = []
     for entry in _entries(folder):

@@ -119,12 +119,7 @@ class WorkerProcess:
 
 
 class LocalWorkers:
-    """So many worker processes, and a thread for each that waits for it; use `with`.
-
-    Args:
-        jobs: how many at a time.
-        limit_s, target: of each, as for `WorkerProcess`.
-    """
+    """So many worker processes, and a thread for each that waits for it; use `with`. Arguments: `WorkerProcess`."""
 
     def __init__(self, jobs: int, limit_s: float = TIMEOUT_S, target: str = _WORKER) -> None:
         self._workers = [WorkerProcess(cores, limit_s, target) for cores in _cores_of(jobs)]

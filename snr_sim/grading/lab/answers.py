@@ -31,12 +31,9 @@ def require_page(page: Any, key: str) -> dict[str, Any]:
 
 
 def require_field(page: Any, key: str, name: str, kind: type[Kind], count: int | None = None) -> Kind:
-    """Return a field of a page.
+    """Return a field of the data of the page that was stored under a key.
 
     Args:
-        page: its data.
-        key: under which it was stored.
-        name: of the field.
         kind: `float` (a whole number will do), `str`, `bool` or `list[float]` (a tuple or an array will do).
         count: how many are in a list; any number if not given.
 

@@ -231,8 +231,7 @@ def find_lab(name: str) -> Lab:
 def load_lab(path: Path) -> Lab:
     """Read the checks of a lab from its checks.py, which may import modules of its folder: `from .grader import ...`.
 
-    Raises:
-        GraderError: they cannot be read.
+    GraderError is raised if they cannot be read.
     """
     folder = path.resolve().parent
     name = folder.name

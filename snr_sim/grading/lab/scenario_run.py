@@ -33,13 +33,7 @@ from snr_sim.scenario.simulation_run import RunResult, SimulationRun
 
 
 class ScenarioRun:
-    """A completed run.
-
-    Args:
-        result: of the run.
-        trace: the recorded trace.
-        folder: where that is kept; None if it is not.
-    """
+    """A completed run with its recorded trace, and the folder where that is kept, if it is."""
 
     def __init__(self, result: RunResult, trace: Trace, folder: Path | None) -> None:
         self.success: bool = result.success
@@ -81,9 +75,7 @@ def run_scenario(
     """Run the scenario; the result is the same, to the last bit, as that of `snr run` with the same file.
 
     Args:
-        student: the submission.
-        scenario, seed, options, io: as for `snr run`.
-        controller: file of the submission.
+        controller: file of the submission; scenario, seed, options and io are as for `snr run`.
         may_fail: whether a run that the student's program ended, by itself or with an error, is returned, too.
         inputs: tasks that come from outside meanwhile, to every node, such as an edit of a state machine.
 

@@ -85,7 +85,6 @@ def run_inputs(
     """Return what the student's components produced from the inputs, in order.
 
     Args:
-        student: the submission.
         file: of the submission, which has `factories`.
         pages: the inputs.
         robot: argument of `factories`, or the robot's name in it.
@@ -164,8 +163,7 @@ def _deliver(stimulus: Stimulus, number: int, node: Node, output_log: OutputLog)
 class OutputLog:
     """Recorder of what the student's components produce, and which input caused it. Implements `Recorder`.
 
-    Args:
-        names: of the student's components, known once they are made.
+    `names` are those of the student's components, known once they are made.
     """
 
     def __init__(self, names: set[str]) -> None:

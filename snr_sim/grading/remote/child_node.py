@@ -103,11 +103,7 @@ class TypedPages:
 
 
 class ChildNode(Node):
-    """Node whose steps are requested one by one.
-
-    Args:
-        role, component_seed: of the grader's node that it represents.
-    """
+    """Node whose steps are requested one by one; of the role and the component seed of the grader's node."""
 
     def __init__(self, role: str, component_seed: int) -> None:
         self._external_clock = ExternalClock()
@@ -261,11 +257,7 @@ def failure_of(error: BaseException, begins: Any) -> protocol.RemoteFailure:
 
 
 class NodeVerbs:
-    """The verbs of a student's process that are about nodes: load a file, make components, have them do a step.
-
-    Args:
-        read_module: returns a Python file of the student's as a module.
-    """
+    """The verbs that are about nodes; `read_module` returns a Python file of the student's as a module."""
 
     def __init__(self, read_module: Callable[[str], ModuleType]) -> None:
         self._read_module = read_module

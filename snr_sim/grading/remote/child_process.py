@@ -36,11 +36,9 @@ _START_CPU_S = 10.0  # of Python with snr_sim: about 0.2
 
 
 class ChildProcess:
-    """A process that holds one submission.
+    """A process that holds one submission, whose folder is its current folder.
 
     Args:
-        folder: of the submission; it is the process' current folder.
-        isolation: "sandbox", "confined", or "none".
         limits: CPU time, memory and files that it may use.
         readable: further folders it may read: of robots.
         fork_server: fork server that copies it, if it can.
@@ -103,11 +101,7 @@ class ChildProcess:
         return None if state is None else state[1]
 
     def ask(self, verb: protocol.Verb, cpu_s: float) -> protocol.CallResponse:
-        """Send a request, and return the answer.
-
-        Args:
-            verb: the request.
-            cpu_s: limit of its CPU time; the child itself counts, and the kernel enforces it.
+        """Send a request, return the answer; the child itself counts its CPU time, and the kernel enforces the limit.
 
         Raises:
             SubmissionError: it ended, was too slow, printed too much, or sent an answer to another request.

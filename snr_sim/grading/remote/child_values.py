@@ -35,11 +35,7 @@ def encode_plain(value: Any, what: str, function: object) -> bytes:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as numbers, texts, lists and dicts; numpy's become Python's.
-
-    Raises:
-        UnsendableValueError: it contains something else.
-    """
+    """Return a value as numbers, texts, lists and dicts, also numpy's; raise UnsendableValueError for anything else."""
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value

@@ -46,8 +46,6 @@ def start_command(
     It contains only the paths of Python, snr_sim and what it may read, since a process can read its own command.
 
     Args:
-        folder: of the submission.
-        isolation: of the process.
         line: the file descriptor it answers on, or `protocol.PIPES`.
         limits: CPU time, memory and files that it may use.
         readable: further folders that it may read.
@@ -86,14 +84,9 @@ def start_process(
     is_fork_server: bool = False,
     prints_to: IO[bytes] | None = None,
 ) -> subprocess.Popen[bytes]:
-    """Start a student's process, whose stdout is a pipe.
+    """Start a student's process, whose stdout is a pipe; raise GraderError if it cannot be started.
 
-    Args:
-        folder, isolation, line, limits, readable, confiner, is_fork_server: as of `start_command`.
-        prints_to: a file for what it prints, if it answers on its stdout.
-
-    Raises:
-        GraderError: it cannot be started.
+    Arguments as of `start_command`, and a file for what it prints, if it answers on its stdout.
     """
     command, cwd = start_command(folder, isolation, line, limits, readable, confiner, is_fork_server)
     options: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": prints_to}

@@ -47,12 +47,7 @@ class StudentCodeError(SnrError):
 
 
 class Remote:
-    """The student's components in all of the grader's nodes.
-
-    Args:
-        child: the student's process.
-        file: of the submission, which has `factories`.
-    """
+    """The student's components in all of the grader's nodes; a file of the submission has their `factories`."""
 
     def __init__(self, child: ChildProcess, file: str) -> None:
         self._child = child
@@ -68,11 +63,7 @@ class Remote:
         self._answers: dict[str, list[Task] | StudentCodeError] = {}  # to it, by component
 
     def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
-        """Send a request to the student's process; return its answer.
-
-        Args:
-            verb, cpu_s: as for `ChildProcess.ask`.
-            decoder: of the answer's type.
+        """Send a request to the student's process, as `ChildProcess.ask`; return its answer, of the decoder's type.
 
         Raises:
             SubmissionError: the answer has another type; kept too, as a node that runs replaces the message by its own.
@@ -95,9 +86,7 @@ class Remote:
     def controller(self, path: Path, robots: Sequence[tuple[str, Path]]) -> ModuleType:
         """Return a module that stands for the student's file: its `factories` makes proxies.
 
-        Args:
-            path: of the student's file, for the trace's header.
-            robots: whose modules the student may import.
+        The path is for the trace's header. The student may import the modules of the robots.
         """
         load = protocol.LoadRequest(self._file, [(name, str(folder)) for name, folder in robots])
         loaded = self.ask(load, _loaded, LOAD_CPU_S)
@@ -210,11 +199,7 @@ def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
 
 
 def _pickled(robot: RobotInfo) -> str:
-    """Return the argument of a student's `factories` for its process, which may unpickle what the grader writes.
-
-    Raises:
-        GraderError: something in it is of a class that the student's process cannot know.
-    """
+    """Return the argument of `factories` for its process; raise GraderError if something in it is unknown there."""
     buffer = io.BytesIO()
     try:
         _RobotPickler(buffer).dump(robot)

@@ -31,11 +31,7 @@ class TaskRejectedError(SnrError):
 
 
 class TaskFilter:
-    """Accepts or refuses the tasks of the student's components.
-
-    Args:
-        file: of the submission, for the messages.
-    """
+    """Accepts or refuses the tasks of the student's components, which a file of the submission has made."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -51,8 +47,7 @@ class TaskFilter:
     def component(self, made: ComponentInfo) -> None:
         """Check the description that a component sends.
 
-        Raises:
-            TaskRejectedError: its name is too long, it has too many handlers, or its ticks send another event.
+        TaskRejectedError is raised if its name is too long, it has too many handlers, or its ticks send another event.
         """
         if made.repeats and not made.repeats.endswith(".step"):  # or it could be one that changes the node
             raise TaskRejectedError(
@@ -97,11 +92,7 @@ class TaskFilter:
         return admitted
 
     def tasks(self, raws: Sequence[msgspec.Raw], node: Node, component: str) -> list[Task]:
-        """Return tasks that a component has returned or scheduled.
-
-        Raises:
-            TaskRejectedError: one of them may not enter.
-        """
+        """Return tasks that a component has returned or scheduled; raise TaskRejectedError if one may not enter."""
         if not raws:
             return []
         self.count(node.get_time_s(), len(raws))

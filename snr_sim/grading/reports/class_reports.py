@@ -72,10 +72,9 @@ class Summary:
 
 
 def write_class(table: TextIO, read_all: ReadAll, given: Mapping[str, str]) -> None:
-    """Write one row per submission.
+    """Write one row per submission; the table was opened with newline="".
 
     Args:
-        table: opened with newline="".
         read_all: returns all submissions, each time it is called.
         given: where each submission was, by its name, to distinguish two of the same name.
     """

@@ -72,10 +72,7 @@ def is_root() -> bool:
 def bubblewrap_command(folder: Path, readable: Sequence[Path], is_fork_server: bool) -> Iterator[str]:
     """Yield bubblewrap with its options, which come before the command of a process.
 
-    Args:
-        folder: of the submission.
-        readable: further folders that the process may read, besides Python's and the kit's.
-        is_fork_server: whether it gives each copy of itself a namespace.
+    `readable` are further folders that it may read; a fork server gives each copy of itself a namespace.
     """
     yield from (str(find_bubblewrap()), "--die-with-parent", "--cap-drop", "ALL")
     yield from ("--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--hostname", "grader")

@@ -112,11 +112,9 @@ def conditions(pid: int) -> dict[str, tuple[Condition, ...]]:
 
 
 def system_call_filter(machine: str, pid: int) -> list[Instruction]:
-    """Return the program that allows what a student's process may do.
+    """Return the program that allows what a student's process of this number may do, on "x86_64" or "aarch64".
 
-    Args:
-        machine: "x86_64" or "aarch64".
-        pid: of the process, which may send signals to itself alone.
+    It may send signals to itself alone.
     """
     program = [*_begin(machine)]
     for call in ALLOWED:
