@@ -110,12 +110,9 @@ def _lines(check: CheckResult, out: Path) -> Iterator[str]:
 
 def _of_case(case: CaseResult) -> Iterator[str]:
     yield from case.error.splitlines()
-    if case.hint:
-        yield f"hint: {case.hint}"
-    if case.expected:
-        yield f"expected: {case.expected}"
-    if case.actual:
-        yield f"actual:   {case.actual}"
+    for heading, text in (("hint:", case.hint), ("expected:", case.expected), ("actual:  ", case.actual)):
+        if text:
+            yield f"{heading} {text}"
     if case.printed:
         yield "what your program printed:"
         yield from (f"  {line}" for line in case.printed.splitlines()[-10:])

@@ -22,6 +22,7 @@ import msgspec
 
 from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import LEVELS
@@ -222,16 +223,20 @@ class _RobotPickler(pickle.Pickler):
             )
 
 
-class RemoteEndpointFactory(EndpointFactory):
-    """Makes the proxy of an endpoint."""
+class _ProxyFactory(ComponentFactory):
+    """Makes the proxy of a component, of this number; the student's own is made in its process."""
 
     def __init__(self, remote: Remote, number: int) -> None:
         super().__init__()
         self.remote: Remote = remote
         self._number = number
 
+
+class RemoteEndpointFactory(_ProxyFactory, EndpointFactory):
+    """Makes the proxy of an endpoint."""
+
     def get(self, parent: NodeApi) -> Endpoint:
-        """Return a proxy; the student's own endpoint is made in its process."""
+        """Return the proxy."""
         return RemoteEndpoint(self, parent, self.remote.make(self._number, parent))
 
 
@@ -281,16 +286,11 @@ class RemoteEndpoint(Endpoint):
             self.schedule(self.factory.remote.task_filter.tasks(done.scheduled, self.parent, self.name))
 
 
-class RemoteLoopFactory(LoopFactory):
+class RemoteLoopFactory(_ProxyFactory, LoopFactory):
     """Makes the proxy of a loop."""
 
-    def __init__(self, remote: Remote, number: int) -> None:
-        super().__init__()
-        self.remote: Remote = remote
-        self._number = number
-
     def get(self, parent: NodeApi) -> Loop:
-        """Return a proxy; the student's own loop is made in its process."""
+        """Return the proxy."""
         return RemoteLoop(self, parent, self.remote.make(self._number, parent))
 
 
