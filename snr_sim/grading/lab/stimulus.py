@@ -138,9 +138,8 @@ def _run_node(
     except (SubmissionError, GraderError):
         raise
     except SnrError as error:
-        if remote.submission_error is not None:
-            raise remote.submission_error from error
-        raise SubmissionError(str(error), "Your program raised an error: look at the line named.") from error
+        hint = "Your program raised an error: look at the line named."
+        raise remote.submission_error or SubmissionError(str(error), hint) from error
     if remote.submission_error is not None:
         raise remote.submission_error
     if len(output_log.delivered) < len(pages) and node.exit_reason not in (TIME_LIMIT, NO_MORE_EVENTS):
