@@ -42,7 +42,9 @@ def wires(machine: HostInfo, io: Io | None) -> Iterator[Finding]:
     found = list(machine.host_ports())
     for wire in found:
         is_meant = wire.kind == needed and io is not None and _is_meant(wire, io)
-        yield Finding(not (wire.fix and is_meant), _describe_wire(wire), wire.fix)
+        name = f"/dev/i2c-{wire.name}" if wire.kind == "i2c" else wire.name
+        what = f"{_WORDS[wire.kind]} {name}{f' ({wire.about})' if wire.about else ''}"
+        yield Finding(not (wire.fix and is_meant), what, wire.fix)
     if needed and io is not None and not any(wire.kind == needed and _is_meant(wire, io) for wire in found):
         if needed == "serial" and (machine.root / io.address.partition(",")[0].lstrip("/")).exists():
             return  # a link, or a port of an emulator, which is not in any list
@@ -57,11 +59,6 @@ def _is_meant(wire: HostPort, io: Io) -> bool:
     if wire.kind == "i2c":
         return wire.name == place.partition(":")[0].removeprefix("/dev/").removeprefix("i2c-")
     return "the one of a" in wire.about
-
-
-def _describe_wire(wire: HostPort) -> str:
-    name = f"/dev/i2c-{wire.name}" if wire.kind == "i2c" else wire.name
-    return f"{_WORDS[wire.kind]} {name}{f' ({wire.about})' if wire.about else ''}"
 
 
 def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator[Finding]:

@@ -77,7 +77,9 @@ def run(
     page = LivePage.of_options(live, live_port, live_host, live_token_file)
     if page is not None and pace is None:
         print_note("A fast run may be over before its page is open. Try: --speed real, or snr machine view RUN later.")
-    _print_sources(context, io)
+    source = context.get_parameter_source("io")
+    if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
+        print_line(sys.stderr, f"real outputs: {io}, from {ENVIRONMENT}")  # which may have been set days ago
     if show and not show_web:
         check_display("--view", "--web-view")
     shown: Shown = "browser" if show_web else "window" if show else ""
@@ -99,13 +101,6 @@ def run(
     if shown and not is_live:
         _show(Path(fields["run_dir"]), shown)
     sys.exit(status)
-
-
-def _print_sources(context: typer.Context, io: str) -> None:
-    """Warn that real outputs will move if `--io` was not typed: the variable may have been set days ago."""
-    source = context.get_parameter_source("io")
-    if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
-        print_line(sys.stderr, f"real outputs: {io}, from {ENVIRONMENT}")
 
 
 def _show(folder: Path, shown: Shown) -> None:

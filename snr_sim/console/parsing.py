@@ -167,7 +167,9 @@ def parse(table: Table, line: str) -> tuple[CommandSpec, dict[str, Any]]:
     try:
         return command, _arguments(command, words[1:])
     except ConsoleCommandError:
-        _check_misspelt(command, words[1:])
+        first = command.arguments[0]  # perhaps a misspelt optional choice
+        if words[1:] and first.is_optional and get_close_matches(words[1][:MAX_NAME_CHARS], first.choices, 1, 0.7):
+            _one(first, words[1])
         raise
 
 
@@ -188,13 +190,6 @@ def _arguments(command: CommandSpec, words: list[str]) -> dict[str, Any]:
         fix = suggest(words[0][:MAX_NAME_CHARS], choices) if choices else command.usage
         raise ConsoleCommandError(f"'{command.name}' does not take {quote(words[0])}.", fix=fix)
     return given
-
-
-def _check_misspelt(command: CommandSpec, words: list[str]) -> None:
-    """Raise ConsoleCommandError if a line is invalid because its first word is a misspelt optional choice."""
-    first = command.arguments[0]
-    if words and first.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], first.choices, 1, 0.7):
-        _one(first, words[0])
 
 
 def _one(argument: Argument, word: str) -> Any:

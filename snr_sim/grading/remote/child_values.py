@@ -51,13 +51,8 @@ def plain(value: Any) -> Any:
     for parent in (bool, int, float, str):
         if isinstance(value, parent):
             return parent.__str__(value) if parent is str else parent(value)
-    raise UnsendableValueError(
-        f"{short(value)} is {_a(kind.__name__)}, not a number, a text, a list or a dict of these"
-    )
-
-
-def _a(word: str) -> str:
-    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
+    name = f"{'an' if kind.__name__[:1].lower() in 'aeiou' else 'a'} {kind.__name__}"
+    raise UnsendableValueError(f"{short(value)} is {name}, not a number, a text, a list or a dict of these")
 
 
 def short(value: Any) -> str:
