@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -15,6 +15,7 @@ Out = Annotated[Path, typer.Option(help="Folder that run folders go into.")]
 RecordedRun = Annotated[
     Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
 ]
+Shown = Literal["", "window", "browser"]  # where a run is shown
 WithRrd = Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")]
 
 

@@ -6,14 +6,15 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from snr_sim.behaviors.endpoint import MachineFactory
 from snr_sim.cli.output import print_note
-from snr_sim.core.config import Config
 from snr_sim.core.standard_streams import print_line
-from snr_sim.links.security import secret_from_file
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.web.live import LiveLoopFactory
+
+if TYPE_CHECKING:
+    from snr_sim.core.config import Config
+    from snr_sim.web.live import LiveLoopFactory
 
 LOOPBACK = "127.0.0.1"
 
@@ -50,6 +51,10 @@ def add_live_page(config: Config, roles: Sequence[str], page: LivePage, title: s
         ConfigError: the address or the token cannot be used.
         MissingExtraError: what serves pages is not installed.
     """
+    from snr_sim.behaviors.endpoint import MachineFactory  # here: runs without a page do not need them
+    from snr_sim.links.security import secret_from_file
+    from snr_sim.web.live import LiveLoopFactory
+
     found = [role for role in roles if any(isinstance(one, MachineFactory) for one in config.get(role))]
     if not found:
         raise ParameterError(

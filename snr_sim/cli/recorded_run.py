@@ -8,8 +8,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
+from snr_sim.cli.arguments import Shown
 from snr_sim.cli.live_page import LivePage, add_live_page, print_address
 from snr_sim.cli.output import capture_output, print_note, print_text
 from snr_sim.cli.plain_console import progress
@@ -34,7 +35,6 @@ from snr_sim.scenario.source_checks import notes_before
 
 _JSON_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
 _SLOW_S = 2.0  # wall time after which a fast run shows its progress
-Shown = Literal["", "window", "browser"]  # where a run is shown
 
 
 def record_run(

@@ -12,7 +12,6 @@ import typer
 from snr_sim.cli.arguments import AsJson, Out, RecordedRun, WithRrd
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import print_json, print_note, print_text, print_warnings
-from snr_sim.cli.recorded_run import record_run
 from snr_sim.cli.replay import environment_note
 from snr_sim.cli.trust import Trust, ask
 from snr_sim.prelude.errors import ParameterError
@@ -40,6 +39,8 @@ def resim(
 
     Exit status: as of `snr run`.
     """
+    from snr_sim.cli.recorded_run import record_run  # most of a run's modules, which --help need not wait for
+
     trace = trace_of(run)
     ask(trace.path.parent, files_of_resim(trace, with_file), trust)
     print_warnings(trace)

@@ -8,15 +8,12 @@ from typing import Annotated
 
 import typer
 
-from snr_sim.cli.arguments import AsJson, Io, Out, WithRrd, options_of, pace_of
+from snr_sim.cli.arguments import AsJson, Io, Out, Shown, WithRrd, options_of, pace_of
 from snr_sim.cli.live_page import LOOPBACK, LivePage
 from snr_sim.cli.output import print_json, print_note
-from snr_sim.cli.recorded_run import Shown, record_run
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import ParameterError, SnrError
 from snr_sim.prelude.io import ENVIRONMENT, parse_io
-from snr_sim.scenario.simulation import Request
-from snr_sim.view.view_server import check_display
 
 
 def run(
@@ -66,6 +63,9 @@ def run(
 
     Exit status: 0 the scenario's criterion was met, 1 it ran and was not, 2 the request was wrong (nothing written).
     """
+    from snr_sim.cli.recorded_run import record_run  # most of a run's modules, which --help need not wait for
+    from snr_sim.scenario.simulation import Request
+
     # A file is stored with its path, so that a replay from another folder finds it again.
     options = options_of([*option, f"policy={Path(policy).resolve()}"] if policy else option)
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
@@ -81,6 +81,8 @@ def run(
     if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
         print_line(sys.stderr, f"real outputs: {io}, from {ENVIRONMENT}")  # which may have been set days ago
     if show and not show_web:
+        from snr_sim.view.view_server import check_display
+
         check_display("--view", "--web-view")
     shown: Shown = "browser" if show_web else "window" if show else ""
     is_live = bool(shown) and pace is not None  # a fast run is over before a window is open
