@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -15,6 +15,7 @@ Out = Annotated[Path, typer.Option(help="Folder that run folders go into.")]
 RecordedRun = Annotated[
     Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
 ]
+Shown = Literal["", "window", "browser"]  # where a run is shown
 WithRrd = Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")]
 
 
@@ -32,10 +33,7 @@ def finite_number(text: str) -> float | None:
 
 
 def pace_of(speed: str) -> float | None:
-    """Return virtual seconds per wall second, or None for as fast as possible.
-
-    Raises:
-        ParameterError: the text is neither a known word nor a positive number.
+    """Return virtual seconds per wall second, or None for as fast as possible; raise ParameterError for other texts.
 
     >>> pace_of("real"), pace_of("4"), pace_of("fast")
     (1.0, 4.0, None)
@@ -52,11 +50,7 @@ def pace_of(speed: str) -> float | None:
 
 
 def options_of(pairs: list[str]) -> dict[str, str]:
-    """Return the options given as any number of `--option KEY=VALUE`.
-
-    Raises:
-        ParameterError: one does not have this form, or a key occurs twice.
-    """
+    """Return the options given as `--option KEY=VALUE`; raise ParameterError for another form, or a key given twice."""
     options: dict[str, str] = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")

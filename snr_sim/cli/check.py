@@ -6,18 +6,19 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_encoded, print_note
 from snr_sim.cli.plain_console import escape_markup, plain_console
+from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab.lab import Lab, find_lab
+from snr_sim.grading.lab.verdicts import GraderError
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded, encode_graded
 from snr_sim.prelude.errors import UnknownNameError
-
-if TYPE_CHECKING:
-    from snr_sim.grading.lab.lab import Lab
-    from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
+from snr_sim.scenario.source_checks import notes_on_files
 
 
 def check(
@@ -31,12 +32,6 @@ def check(
 
     Exit status: 0 all points, 1 not all, 2 the request was wrong.
     """
-    from snr_sim.grading.grade import grade_submission
-    from snr_sim.grading.lab.lab import find_lab
-    from snr_sim.grading.lab.verdicts import GraderError
-    from snr_sim.grading.reports.results import encode_graded
-    from snr_sim.scenario.source_checks import notes_on_files
-
     found = find_lab(lab)
     if not folder.is_dir():
         what = f"{folder} is a file, not a folder." if folder.is_file() else f"There is no folder {folder}."
@@ -115,12 +110,9 @@ def _lines(check: CheckResult, out: Path) -> Iterator[str]:
 
 def _of_case(case: CaseResult) -> Iterator[str]:
     yield from case.error.splitlines()
-    if case.hint:
-        yield f"hint: {case.hint}"
-    if case.expected:
-        yield f"expected: {case.expected}"
-    if case.actual:
-        yield f"actual:   {case.actual}"
+    for heading, text in (("hint:", case.hint), ("expected:", case.expected), ("actual:  ", case.actual)):
+        if text:
+            yield f"{heading} {text}"
     if case.printed:
         yield "what your program printed:"
         yield from (f"  {line}" for line in case.printed.splitlines()[-10:])

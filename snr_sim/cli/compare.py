@@ -81,9 +81,8 @@ def _shift_s(shift: str, traces: list[Trace]) -> float:
         return shift_by_commands_s(traces[0], traces[1])
     seconds = finite_number(shift)
     if seconds is None:
-        raise ParameterError(
-            f"--shift must be a number of seconds or 'auto', not '{shift}'.", fix="--shift 2.5, or --shift auto."
-        )
+        what = f"--shift must be a number of seconds or 'auto', not '{shift}'."
+        raise ParameterError(what, fix="--shift 2.5, or --shift auto.")
     return seconds
 
 

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_encoded, print_text
+from snr_sim.console.client import ConsoleClient
+from snr_sim.console.parsing import CommandResult
+from snr_sim.console.remote_console import RemoteConsole
 from snr_sim.core.standard_streams import print_line
+from snr_sim.links.security import secret_from_env, secret_from_file
 from snr_sim.prelude.errors import ParameterError
-
-if TYPE_CHECKING:
-    from snr_sim.console.client import ConsoleClient
-    from snr_sim.console.parsing import CommandResult
+from snr_sim.prelude.values import encode_value
 
 _TOKEN_VARIABLE = "SNR_TOKEN"
 
@@ -38,16 +40,15 @@ def console(
 
     Exit status: 0 all were carried out, 1 one was refused, 2 no node answered or the request was wrong.
     """
-    from snr_sim.console.client import ConsoleClient
-    from snr_sim.console.remote_console import RemoteConsole
-
     server, token = _address(address), _token(token_file)
     if not command and not as_json and sys.stdin.isatty():
         RemoteConsole(server, token=token).run()
         return
     lines: Iterable[str] = [" ".join(command)] if command else sys.stdin
     is_watching = (command or [""])[0] == "watch" and not as_json
-    with ConsoleClient(server, token, on_change=_print if is_watching else _pass_over) as client:
+    # The output of a script has only the replies to its commands.
+    on_change = _print if is_watching else lambda answer: None
+    with ConsoleClient(server, token, on_change=on_change) as client:
         client.wait_until_up(wait)
         answers = _carried_out(client, lines, as_json)
         if is_watching and not answers[-1].is_error:
@@ -62,21 +63,13 @@ def _print(answer: CommandResult) -> None:
         print_text(answer.text, flush=True)
 
 
-def _pass_over(answer: CommandResult) -> None:
-    """Ignore a watched page: the output of a script has only the replies to its commands."""
-
-
 def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> list[CommandResult]:
     answers = []
-    for line in lines:
-        if not line.strip():
-            continue
-        answers.append(client.ask(line.strip()))
+    for line in filter(None, map(str.strip, lines)):
+        answers.append(client.ask(line))
         if not is_json:
             _print(answers[-1])
     if is_json:
-        from snr_sim.prelude.values import encode_value
-
         shown = [{"text": one.text, "data": one.data, "is_error": one.is_error} for one in answers]
         print_encoded(encode_value({"answers": shown}).decode())
     return answers
@@ -91,10 +84,6 @@ def _address(text: str) -> tuple[str, int]:
 
 def _token(path: Path | None) -> bytes | None:
     """Return the token from a source that other users of this machine cannot read: not the command line."""
-    import os
-
-    from snr_sim.links.security import secret_from_env, secret_from_file
-
     if path is not None:
         return secret_from_file(path)
     return secret_from_env(_TOKEN_VARIABLE) if os.environ.get(_TOKEN_VARIABLE) else None

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import platform
 import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.doctor_hardware import Finding, answers, wires
 from snr_sim.cli.output import print_json, print_text
+from snr_sim.devices.device_strings import check_io
+from snr_sim.devices.host_ports import HostInfo
 from snr_sim.prelude.errors import MissingExtraError, SnrError
 from snr_sim.prelude.io import Io, parse_io
-
-if TYPE_CHECKING:
-    from snr_sim.cli.doctor_hardware import Finding
+from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 _EXTRAS = {
     "sim": ("pymunk", "gymnasium", "mujoco-core"),
@@ -43,8 +46,6 @@ def doctor(
 
     Exit status: 0 all is well, 1 something is missing, 2 the request was wrong.
     """
-    from snr_sim.devices.device_strings import check_io
-
     meant = parse_io(io) if io else None
     if meant is not None:
         check_io(meant)
@@ -60,20 +61,14 @@ def doctor(
 
 
 def _run_checks(io: Io | None) -> Iterator[Finding]:
-    import importlib.metadata  # slow, and `snr --help` does not need it
-
-    from snr_sim.cli.doctor_hardware import Finding, answers, wires
-    from snr_sim.devices.host_ports import HostInfo
-
     machine = HostInfo()
     python = platform.python_version()
     yield Finding(sys.version_info >= _LOWEST_PYTHON, f"Python {python} on {platform.platform()}")
     is_for_wires = drives_only(machine.is_pi, importlib.metadata.version)
     yield from packages(is_for_wires, importlib.metadata.version)
     free_mb = shutil.disk_usage(Path.cwd()).free // 2**20
-    yield Finding(
-        free_mb > _MIN_FREE_MB, f"{free_mb} MB free in this folder", "" if free_mb > _MIN_FREE_MB else "make room"
-    )
+    has_room = free_mb > _MIN_FREE_MB
+    yield Finding(has_room, f"{free_mb} MB free in this folder", "" if has_room else "make room")
     is_writable = os.access(Path.cwd(), os.W_OK)
     yield Finding(is_writable, "runs can be written here" if is_writable else "this folder is read-only: use --out")
     yield landing(is_for_wires)
@@ -86,9 +81,7 @@ def _run_checks(io: Io | None) -> Iterator[Finding]:
 def drives_only(is_pi: bool, version: Callable[[str], str]) -> bool:
     """Return whether a computer only drives hardware: a Raspberry Pi, or one without the physics packages.
 
-    Args:
-        is_pi: whether it is a Raspberry Pi.
-        version: returns a package's, or raises PackageNotFoundError.
+    `version` returns a package's, or raises PackageNotFoundError.
     """
 
     def is_there(name: str) -> bool:
@@ -103,12 +96,8 @@ def drives_only(is_pi: bool, version: Callable[[str], str]) -> bool:
 def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Finding]:
     """Yield the packages of each extra. Computers for hardware need those for wires, all others those for simulation.
 
-    Args:
-        is_for_wires: whether this computer only drives hardware.
-        version: returns a package's, or raises PackageNotFoundError.
+    `version` returns a package's, or raises PackageNotFoundError.
     """
-    from snr_sim.cli.doctor_hardware import Finding
-
     for extra, names in _EXTRAS.items():
         is_needed = (extra == "hardware") == is_for_wires
         for name in names if is_needed or is_for_wires else ():
@@ -120,10 +109,6 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 
 def landing(is_for_wires: bool) -> Finding:
     """Return whether a test run of a lander works; a computer for hardware does not need the physics packages."""
-    from snr_sim.cli.doctor_hardware import Finding
-    from snr_sim.scenario.simulation import Request, prepare
-    from snr_sim.scenario.simulation_run import SimulationRun
-
     try:
         simulation = prepare(Request("lander_vertical"))
         plant = simulation.plant()

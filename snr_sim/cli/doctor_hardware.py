@@ -42,7 +42,9 @@ def wires(machine: HostInfo, io: Io | None) -> Iterator[Finding]:
     found = list(machine.host_ports())
     for wire in found:
         is_meant = wire.kind == needed and io is not None and _is_meant(wire, io)
-        yield Finding(not (wire.fix and is_meant), _describe_wire(wire), wire.fix)
+        name = f"/dev/i2c-{wire.name}" if wire.kind == "i2c" else wire.name
+        what = f"{_WORDS[wire.kind]} {name}{f' ({wire.about})' if wire.about else ''}"
+        yield Finding(not (wire.fix and is_meant), what, wire.fix)
     if needed and io is not None and not any(wire.kind == needed and _is_meant(wire, io) for wire in found):
         if needed == "serial" and (machine.root / io.address.partition(",")[0].lstrip("/")).exists():
             return  # a link, or a port of an emulator, which is not in any list
@@ -59,23 +61,15 @@ def _is_meant(wire: HostPort, io: Io) -> bool:
     return "the one of a" in wire.about
 
 
-def _describe_wire(wire: HostPort) -> str:
-    name = f"/dev/i2c-{wire.name}" if wire.kind == "i2c" else wire.name
-    return f"{_WORDS[wire.kind]} {name}{f' ({wire.about})' if wire.about else ''}"
-
-
 def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator[Finding]:
-    """Identify the device at a port, or open the devices as `snr io` does, and yield their states.
-
-    Args:
-        io: as requested.
-        open_port: of a microcontroller.
-    """
+    """Identify the device at a port, or open the devices as `snr io` does, and yield their states."""
     try:
         if io.kind == "mcu":
             yield from _microcontroller(open_port or (lambda: SerialPort(io.address, BAUD)))
         else:
-            yield from _devices(io)
+            with bench_of(devices_of("urov_depth_hold", str(io))) as bench:
+                bench.settle()
+                yield from _of_bench(bench)
     except SnrError as error:
         yield Finding(False, f"--io {io}: {error.message}", error.fix)
 
@@ -109,11 +103,9 @@ def _describe_board(ident: Ident) -> str:
 
 def _state(ident: Ident, telemetry: Telemetry) -> Iterator[Finding]:
     widths = " ".join(f"{width:g}" for width in telemetry.widths_us)
-    causes = telemetry.reset_cause
+    causes, since_s = telemetry.reset_cause, telemetry.uptime_ms / 1000.0
     reason = f", started by {causes.name}" if causes.name else ""
-    yield Finding(
-        True, f"it is {telemetry.state.name.lower()} since {telemetry.uptime_ms / 1000.0:.1f} s{reason}; {widths} us"
-    )
+    yield Finding(True, f"it is {telemetry.state.name.lower()} since {since_s:.1f} s{reason}; {widths} us")
     off = [i for i, width in enumerate(telemetry.widths_us) if width != ident.neutral_us]
     if off:
         channels = ", ".join(map(str, off))
@@ -121,19 +113,11 @@ def _state(ident: Ident, telemetry: Telemetry) -> Iterator[Finding]:
     if McuFault.STOPPED in telemetry.faults:
         yield Finding(False, "its emergency stop is on", "clear it where it was pressed, or switch its power off.")
     if ResetCause.WATCHDOG in causes:
-        yield Finding(
-            True, "it restarted because its firmware had hung", "report it to the maintainers; it is neutral since."
-        )
+        fix = "report it to the maintainers; it is neutral since."
+        yield Finding(True, "it restarted because its firmware had hung", fix)
     if ResetCause.BROWN_OUT in causes:
-        yield Finding(
-            True, "its supply was too low for a moment (brown-out)", "power it from USB, not from a speed controller."
-        )
-
-
-def _devices(io: Io) -> Iterator[Finding]:
-    with bench_of(devices_of("urov_depth_hold", str(io))) as bench:
-        bench.settle()
-        yield from _of_bench(bench)
+        fix = "power it from USB, not from a speed controller."
+        yield Finding(True, "its supply was too low for a moment (brown-out)", fix)
 
 
 def _of_bench(bench: Bench) -> Iterator[Finding]:
@@ -143,16 +127,13 @@ def _of_bench(bench: Bench) -> Iterator[Finding]:
             yield _trouble(one.key, health.reason)
             continue
         out: Any = one.device
-        yield Finding(
-            True, f"outputs '{one.key}': {health.state}, {out.channels} channels, resolution {out.resolution_us:g} us"
-        )
+        what = f"{health.state}, {out.channels} channels, resolution {out.resolution_us:g} us"
+        yield Finding(True, f"outputs '{one.key}': {what}")
         pulses = one.reading.pulses_us if one.reading is not None else []
         off = [i for i, pulse in enumerate(pulses) if abs(pulse - STOP_US) > out.resolution_us]
         if off:
-            off_pulses = ", ".join(f"{i}: {pulses[i]:g} us" for i in off)
-            yield Finding(
-                False, f"outputs '{one.key}' are not at neutral ({off_pulses})", "end the program that drives them."
-            )
+            what = f"are not at neutral ({', '.join(f'{i}: {pulses[i]:g} us' for i in off)})"
+            yield Finding(False, f"outputs '{one.key}' {what}", "end the program that drives them.")
     for one in bench.sensors:
         health = one.health
         if health.state == "error" or one.stale:

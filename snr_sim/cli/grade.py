@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,7 @@ from snr_sim.cli.output import print_json, print_text
 from snr_sim.cli.plain_console import plain_console
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.text import plain
 
 if TYPE_CHECKING:
     from snr_sim.grading.batch.class_folder import ClassFolder
@@ -52,20 +53,22 @@ def grade(
 
     Exit status: 0 all are graded, 1 some could not be (see class.csv), 2 the request was wrong.
     """
-    _refuse_windows(lab)
+    if importlib.util.find_spec("fcntl") is None:
+        raise SnrError(
+            "snr grade does not run on Windows: sandboxed grading requires Linux.",
+            fix=f"grade on Linux, in WSL or a container; `snr check {lab} FOLDER` tries the visible cases here.",
+        )
     from snr_sim.grading.batch.cluster import connected
     from snr_sim.grading.batch.stop_signals import StopSignals
     from snr_sim.grading.lab.lab import find_lab
 
     if isolation not in ("required", "none"):
-        raise SnrError(
-            f"--isolation must be 'required' or 'none', not '{isolation}'.", fix="leave it out, or --isolation none."
-        )
+        what = f"--isolation must be 'required' or 'none', not '{isolation}'."
+        raise SnrError(what, fix="leave it out, or --isolation none.")
     requested: RequestedIsolation = "none" if isolation == "none" else "required"
     if jobs < 0:
-        raise SnrError(
-            f"--jobs must be at least 0, not {jobs}.", fix="give a number of submissions at a time, or 0 for all cores."
-        )
+        fix = "give a number of submissions at a time, or 0 for all cores."
+        raise SnrError(f"--jobs must be at least 0, not {jobs}.", fix=fix)
     found = find_lab(lab)
     if gradescope is not None:
         raise typer.Exit(_write_container(found, submission, gradescope, secret, requested, as_json))
@@ -75,20 +78,11 @@ def grade(
         raise SnrError("--out is missing: the folder for the results.", fix=f"snr grade {lab} ... --out results")
     for one in submission:
         if out.resolve().is_relative_to(one.resolve()):  # the secret would be in a folder that the student can read
-            raise SnrError(
-                f"--out {out} is in the submission {one}.", fix="name a folder elsewhere, or leave that out."
-            )
+            fix = "name a folder elsewhere, or leave that out."
+            raise SnrError(f"--out {out} is in the submission {one}.", fix=fix)
     with connected(scheduler) if scheduler else nullcontext() as cluster, StopSignals() as signals:
         status = _grade_class(found, submission, out, secret, jobs, resume, requested, cluster, signals, as_json)
     raise typer.Exit(status)
-
-
-def _refuse_windows(lab: str) -> None:
-    if importlib.util.find_spec("fcntl") is None:
-        raise SnrError(
-            "snr grade does not run on Windows: sandboxed grading requires Linux.",
-            fix=f"grade on Linux, in WSL or a container; `snr check {lab} FOLDER` tries the visible cases here.",
-        )
 
 
 def _grade_class(
@@ -119,18 +113,16 @@ def _grade_class(
     try:
         submissions = name_submissions(given, folder.known, lab.files)
         secret, is_made = folder.secret(secret_file)
-        settings = ClassSettings(
-            lab.name, digest_of_folder(lab.folder), __version__, digest_of_secret(secret), isolation
-        )
-        folder.begin(settings, submissions)
+        digests = digest_of_folder(lab.folder), digest_of_secret(secret)
+        folder.begin(ClassSettings(lab.name, digests[0], __version__, digests[1], isolation), submissions)
         if is_made:
-            _print_note(
-                f"Hidden cases are drawn from {folder.path / 'secret'}, made just now: keep it, and keep it secret."
-            )
+            made = folder.path / "secret"
+            _print_note(f"Hidden cases are drawn from {made}, made just now: keep it, and keep it secret.")
         if isolation == "none":
             _print_note("Programs are not isolated from the grader (--isolation none): these are not valid grades.")
         with _progress(len(submissions)) as on_graded, ExitStack() as stack:
-            workers = cluster or stack.enter_context(LocalWorkers(min(jobs or _cores(), len(submissions))))
+            cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+            workers = cluster or stack.enter_context(LocalWorkers(min(jobs or cores, len(submissions))))
             ClassRun(lab, folder, submissions, secret, isolation, on_graded).grade(workers, signals.interruptible)
         with signals.interruptible():
             summary, no_picture = write_class_files(folder, lab.title)
@@ -162,14 +154,9 @@ def _write_container(
     if as_json:
         print_json({"out": str(out)})
     else:
-        print_text(
-            f"{out} is an autograder for Gradescope. Zip what is in it: (cd {out} && zip -r ../autograder.zip .)"
-        )
+        how = f"(cd {out} && zip -r ../autograder.zip .)"
+        print_text(f"{out} is an autograder for Gradescope. Zip what is in it: {how}")
     return 0
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _print_note(words: str) -> None:
@@ -202,7 +189,19 @@ def _progress(total: int) -> Iterator[Callable[[Graded], None]]:
 
 def _print_summary(folder: ClassFolder, submissions: list[Submission], summary: Summary, as_json: bool) -> None:
     if as_json:
-        print_json(_fields(folder, summary))
+        graded = folder.every_result()
+        print_json({
+            "out": str(folder.path),
+            "words": summary.sentence(),
+            "max_points": summary.max_points,
+            "rejected": summary.rejected,
+            "grader_errors": summary.grader_errors,
+            "unjudged": summary.unjudged,
+            "submissions": [
+                {"submission": one.submission, "status": one.status, "points": one.points, "error": plain(one.error)}
+                for one in graded
+            ],
+        })  # fmt: skip
         return
     print_text(summary.sentence())
     for names, words in (
@@ -214,20 +213,3 @@ def _print_summary(folder: ClassFolder, submissions: list[Submission], summary: 
             more = f" and {len(names) - _MAX_SHOWN} more" if len(names) > _MAX_SHOWN else ""
             print_text(f"{len(names)} {words}: {', '.join(names[:_MAX_SHOWN])}{more}.")
     print_text(f"tables: {folder.path}/class.csv, cases.csv; a page each: {folder.path}/students/*/report.md")
-
-
-def _fields(folder: ClassFolder, summary: Summary) -> dict[str, Any]:
-    from snr_sim.prelude.text import plain
-
-    return {
-        "out": str(folder.path),
-        "words": summary.sentence(),
-        "max_points": summary.max_points,
-        "rejected": summary.rejected,
-        "grader_errors": summary.grader_errors,
-        "unjudged": summary.unjudged,
-        "submissions": [
-            {"submission": one.submission, "status": one.status, "points": one.points, "error": plain(one.error)}
-            for one in folder.every_result()
-        ],
-    }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import time
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,13 +13,13 @@ import typer
 from snr_sim.cli.arguments import Io
 from snr_sim.cli.output import print_json, print_text
 from snr_sim.cli.plain_console import plain_console
+from snr_sim.devices.pwm.motor_test import WHOLE_S, top_us
+from snr_sim.devices.terminal_keys import TerminalKeys
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.scenario.device_bench import TICK_S, Bench, OpenDevice, bench_of, devices_of, fields_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-
-    from snr_sim.devices.terminal_keys import TerminalKeys
-    from snr_sim.scenario.device_bench import Bench, OpenDevice
 
 _TERMINAL_PERIOD_S = 0.2
 _PIPE_PERIOD_S = 1.0  # in a pipe
@@ -46,9 +47,6 @@ def io(
     """
     # Also if the parent ignores Ctrl-C, such as a script in the background: a program that moves a thruster must stop.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    from snr_sim.devices.terminal_keys import TerminalKeys
-    from snr_sim.scenario.device_bench import bench_of, devices_of
-
     if as_json and not once:
         raise ParameterError("--json prints one object, so it needs --once.", fix="snr io --once --json.")
     if move and (once or not sys.stdin.isatty()):
@@ -71,13 +69,7 @@ def io(
 
 
 def _confirm(name: str, io: str) -> None:
-    """Ask for a text that a user does not type by accident.
-
-    Raises:
-        ParameterError: another text was typed.
-    """
-    from snr_sim.devices.pwm.motor_test import WHOLE_S, top_us
-
+    """Ask for a text that a user does not type by accident; raise ParameterError if another was typed."""
     expected = f"{name} props off"
     print_text(
         f"'{name}' of {io} will be armed and moved to {top_us():g} us for {WHOLE_S:g} s. Take the propellers off, hold "
@@ -97,23 +89,13 @@ def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
         bench.tick()
         console.print(shown(bench))
         return
-    from snr_sim.scenario.device_bench import fields_of
-
     now_s = bench.now_s()
-    print_json({
-        "io": io,
-        "scenario": scenario,
-        "outputs": [fields_of(one, now_s) for one in bench.outputs],
-        "sensors": [fields_of(one, now_s) for one in bench.sensors],
-    })  # fmt: skip
+    outputs, sensors = ([fields_of(one, now_s) for one in devices] for devices in (bench.outputs, bench.sensors))
+    print_json({"io": io, "scenario": scenario, "outputs": outputs, "sensors": sensors})
 
 
 def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
     """Show everything until Ctrl-C, or until the move is done."""
-    from contextlib import ExitStack
-
-    from snr_sim.scenario.device_bench import TICK_S
-
     begun_s = shown_s = time.monotonic()
     period_s = _TERMINAL_PERIOD_S if sys.stdout.isatty() else _PIPE_PERIOD_S
     with ExitStack() as stack:
@@ -178,8 +160,6 @@ def _all(bench: Bench) -> list[OpenDevice]:
 
 def _texts_of(one: OpenDevice, now_s: float) -> tuple[str, str, str, str, str]:
     """Return state, values, age, reason and count as text."""
-    from snr_sim.scenario.device_bench import fields_of
-
     fields = fields_of(one, now_s)
     counted = fields["counts"] if any(fields["counts"].values()) else {}
     counts = ", ".join(f"{name} {count}" for name, count in counted.items())
@@ -188,12 +168,8 @@ def _texts_of(one: OpenDevice, now_s: float) -> tuple[str, str, str, str, str]:
         values = " ".join(f"{name}:{pulse:g}" for name, pulse in zip(one.channels, pulses, strict=False))
         reasons = [] if one.trouble or fields["state"] == "error" else fields["reasons"]  # the error is more specific
         return fields["state"], values, "", "; ".join(filter(None, [fields["reason"], ", ".join(reasons)])), counts
-    reading = fields.get("reading")
-    values = (
-        ""
-        if reading is None
-        else " ".join(f"{key}={_short(item)}" for key, item in reading.items() if key != "stamp_s")
-    )
+    reading = fields.get("reading") or {}
+    values = " ".join(f"{key}={_short(item)}" for key, item in reading.items() if key != "stamp_s")
     age_s = fields.get("age_s")
     age = "" if age_s is None else f"{1000.0 * age_s:.0f} ms old"
     return fields["state"], values, age, fields.get("stale") or fields["reason"], counts

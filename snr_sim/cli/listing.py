@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import ast
-from typing import TYPE_CHECKING, Annotated, Any
+from itertools import chain
+from typing import Annotated, Any
 
 import typer
 
 from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.output import print_json, print_text
+from snr_sim.core.source_location import short_path
 from snr_sim.prelude.errors import UnknownNameError, suggest
-
-if TYPE_CHECKING:
-    from snr_sim.scenario.library import FoundItem
+from snr_sim.scenario.library import FoundItem, controller_file, controllers, list_available
+from snr_sim.scenario.options import written_options
 
 _WHAT = ("robots", "scenarios", "assignments")
 
@@ -26,48 +27,44 @@ def listing(
     Robots with their controllers and options, scenarios with the engines they run on, and assignments, and where each
     was found.
     """
-    from snr_sim.core.source_location import short_path
-    from snr_sim.scenario.library import controller_file, controllers, list_available
-    from snr_sim.scenario.options import written_options
-
     if what and what not in _WHAT:
         raise UnknownNameError(f"There are no '{what}' to list.", fix=suggest(what, _WHAT))
-    rows: list[dict[str, Any]] = []
-    for kind in _WHAT:
-        if what in ("", kind):
-            for found in list_available(kind):  # type: ignore[arg-type]
-                row: dict[str, Any] = {
-                    "kind": kind,
-                    "name": found.name,
-                    "about": _about(found),
-                    "place": found.place,
-                    "path": short_path(str(found.path)),
-                }
-                if kind == "robots":
-                    names = controllers(found)
-                    row["controllers"] = ", ".join(names)
-                    files = [found.path / "robot.py", *(controller_file(found, one) for one in names)]
-                    row["options"] = {key: text for file in files for key, text in written_options(file).items()}
-                if kind == "scenarios":
-                    row["engines"] = ", ".join(_engines(found))
-                rows.append(row)
+    rows = {kind: [_row(found) for found in list_available(kind)] for kind in ([what] if what else _WHAT)}  # type: ignore[arg-type]
     if as_json:
-        print_json({"found": rows})
+        print_json({"found": list(chain(*rows.values()))})
         return
-    for kind in _WHAT:
-        of_kind = [row for row in rows if row["kind"] == kind]
-        if what == kind and not of_kind:
+    for kind, of_kind in rows.items():
+        if of_kind:
+            print_text(f"{kind}:")
+        elif what:
             print_text(f"no {kind} found")
         width = max((len(row["name"]) for row in of_kind), default=0)
-        for number, row in enumerate(of_kind):
-            if number == 0:
-                print_text(f"{kind}:")
+        for row in of_kind:
             print_text(f"  {row['name']:<{width}} {row['about']}  [{row['place']}: {row['path']}]")
             for more in ("controllers", "engines"):
                 if row.get(more):
                     print_text(f"  {'':<{width}} {more}: {row[more]}")
             for key, text in row.get("options", {}).items():
                 print_text(f"  {'':<{width}} --option {key}=...  {text}")
+
+
+def _row(found: FoundItem) -> dict[str, Any]:
+    path = short_path(str(found.path))
+    row: dict[str, Any] = {
+        "kind": found.kind,
+        "name": found.name,
+        "about": _about(found),
+        "place": found.place,
+        "path": path,
+    }
+    if found.kind == "robots":
+        names = controllers(found)
+        row["controllers"] = ", ".join(names)
+        files = [found.path / "robot.py", *(controller_file(found, one) for one in names)]
+        row["options"] = {key: text for file in files for key, text in written_options(file).items()}
+    if found.kind == "scenarios":
+        row["engines"] = ", ".join(_engines(found))
+    return row
 
 
 def _about(found: FoundItem) -> str:

@@ -35,11 +35,7 @@ class LivePage:
 
     @staticmethod
     def of_options(is_asked: bool, port: int, host: str, token_file: Path | None) -> LivePage | None:
-        """Return what the options of `snr run` ask for; None if they ask for nothing.
-
-        Raises:
-            ParameterError: an option of the page was given without `--live`.
-        """
+        """Return what the options of `snr run` ask for, or None; raise ParameterError for one without `--live`."""
         if is_asked:
             return LivePage(port, host, token_file)
         if (port, host, token_file) != (0, LOOPBACK, None):
@@ -48,20 +44,14 @@ class LivePage:
 
 
 def add_live_page(config: Config, roles: Sequence[str], page: LivePage, title: str) -> LiveLoopFactory:
-    """Add the page to the first role that has a state machine; return its factory.
-
-    Args:
-        config: of the run.
-        roles: that run.
-        page: what was asked for.
-        title: of the page.
+    """Add the page to the first of the roles that run which has a state machine; return its factory.
 
     Raises:
         ParameterError: no role has a state machine.
         ConfigError: the address or the token cannot be used.
         MissingExtraError: what serves pages is not installed.
     """
-    from snr_sim.behaviors.endpoint import MachineFactory
+    from snr_sim.behaviors.endpoint import MachineFactory  # here: runs without a page do not need them
     from snr_sim.links.security import secret_from_file
     from snr_sim.web.live import LiveLoopFactory
 

@@ -3,36 +3,30 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections import Counter
+from typing import Any
 
 import typer
 
+from snr_sim.behaviors.coverage import Coverage
+from snr_sim.behaviors.explain import explaining
+from snr_sim.behaviors.program import Program
 from snr_sim.cli.output import capture_output, print_json, print_text
 from snr_sim.prelude.errors import ParameterError, UnknownNameError
-
-if TYPE_CHECKING:
-    from snr_sim.behaviors.coverage import Coverage
-    from snr_sim.behaviors.program import Program
+from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun
 
 MAX_SEEDS = 10_000
 
 
 def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, as_json: bool) -> None:
-    """Run a scenario with several seeds, unrecorded, and print what its machines reached.
+    """Run a scenario with several seeds, "0..19" or one, unrecorded, and print what its machines reached.
 
-    Args:
-        scenario: its name or file.
-        seeds: "0..19", or one.
-        controller: as of `snr run`; that of the scenario if empty.
-        min_percent: of states and transitions; below it the exit status is 1.
-        as_json: whether to print JSON.
+    The exit status is 1 if it is less than `min_percent` of states and transitions.
     """
     found: dict[str, tuple[Program, Coverage]] = {}
-    outcomes: dict[str, int] = {}
     with capture_output(is_json=True):
-        for seed in _seeds(seeds):
-            outcome = _run(scenario, seed, controller, found)
-            outcomes[outcome] = outcomes.get(outcome, 0) + 1
+        outcomes = Counter(_run(scenario, seed, controller, found) for seed in _seeds(seeds))
     reports = {name: counted.report(program) for name, (program, counted) in found.items()}
     if as_json:
         print_json({"outcomes": outcomes, "machines": reports})
@@ -56,11 +50,6 @@ def _seeds(text: str) -> range:
 
 def _run(scenario: str, seed: int, controller: str, found: dict[str, tuple[Program, Coverage]]) -> str:
     """Run one seed, and add what its machines did; return the outcome."""
-    from snr_sim.behaviors.coverage import Coverage
-    from snr_sim.behaviors.explain import explaining
-    from snr_sim.scenario.simulation import Request, prepare
-    from snr_sim.scenario.simulation_run import SimulationRun
-
     simulation = prepare(Request(scenario, seed, controller=controller or None))
     plant = simulation.plant()
     config = simulation.config(plant)

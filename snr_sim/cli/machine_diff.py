@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import typer
 
+from snr_sim.behaviors.diff import differences
+from snr_sim.behaviors.program import Program
 from snr_sim.cli.output import print_json, print_text
-
-if TYPE_CHECKING:
-    from snr_sim.behaviors.program import Program
 
 
 def diff(old: Program, new: Program, file: str, *, as_json: bool) -> None:
-    """Print the differences; exit with status 1 if there are any.
-
-    Args:
-        old, new: the programs.
-        file: of the new one.
-        as_json: whether to print JSON.
-    """
-    from snr_sim.behaviors.diff import differences
-
+    """Print the differences, of which `file` has the new program; exit with status 1 if there are any."""
     found = differences(old, new)
     if as_json:
         print_json({"differences": [one._asdict() for one in found]})

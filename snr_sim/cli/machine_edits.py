@@ -10,20 +10,12 @@ import typer
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import capture_output, print_json, print_text
 from snr_sim.cli.trust import ask
+from snr_sim.scenario.machine_edits import TABLE, changes_again, edits_of, write
+from snr_sim.scenario.replay_files import files_of_resim
 
 
 def edits(run: Path, out: Path | None, *, trust: bool, as_json: bool) -> None:
-    """Write the edits of a run into a folder, run it again, and print whether its states change as they did.
-
-    Args:
-        run: its folder.
-        out: folder for the files; `edits` in the run's folder if None.
-        trust: whether files of another user may be executed without a question.
-        as_json: whether to print JSON.
-    """
-    from snr_sim.scenario.machine_edits import TABLE, changes_again, edits_of, write
-    from snr_sim.scenario.replay_files import files_of_resim
-
+    """Write the edits of a run into a folder, `edits` in the run's if None; run it again; print whether it repeats."""
     trace = trace_of(run)
     found = edits_of(trace)
     folder = out or trace.path.parent / "edits"

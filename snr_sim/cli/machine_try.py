@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
@@ -15,30 +15,27 @@ from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import capture_output, print_json, print_text
 from snr_sim.cli.replay import config_of_replay
 from snr_sim.cli.trust import ask
+from snr_sim.core.reload.sources import reading_from
 from snr_sim.prelude.errors import ParameterError
-
-if TYPE_CHECKING:
-    from snr_sim.recording.reader import Trace
+from snr_sim.recording.reader import Trace
+from snr_sim.recording.records import InputRecord
+from snr_sim.recording.replay import replay_node
+from snr_sim.scenario.machine_edits import changes_of
+from snr_sim.scenario.replay_files import files_of_replay
 
 Change = dict[str, Any]
 
 
 def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> None:
-    """Run a program on the inputs of a recorded run, and print where its changes of state begin to differ.
-
-    Args:
-        file: the program.
-        run: folder of the run; the newest if None.
-        trust: whether files of another user may be executed without a question.
-        as_json: whether to print JSON.
-    """
-    from snr_sim.scenario.machine_edits import changes_of
-
+    """Run a program on the inputs of a recorded run, and print where its changes of state begin to differ."""
     trace = trace_of(run)
-    then, left_out = _ordered(changes_of(trace.records)), _edits_in(trace)
+    then = _ordered(changes_of(trace.records))
+    # Inputs that edit a machine would replace the program that is tried.
+    is_edit = [isinstance(one, InputRecord) and one.name.endswith((".edit", ".edit_file")) for one in trace.records]
     if not then:
         raise ParameterError("This run has no state machine.", fix="name a run whose controller has one.")
-    now = _changes_with(replace(trace, records=[one for one in trace.records if id(one) not in left_out]), file, trust)
+    kept = [one for one, is_so in zip(trace.records, is_edit, strict=True) if not is_so]
+    now = _changes_with(replace(trace, records=kept), file, trust)
     pairs = zip_longest(then, now)
     first = next(((a, b) for a, b in pairs if a is None or b is None or _key(a) != _key(b)), None)
     visits = [Counter((one["machine"], one["target"]) for one in rows if one["target"]) for rows in (then, now)]
@@ -47,9 +44,9 @@ def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> N
         for machine, state in visits[0] | visits[1]
     ]
     if as_json:
-        print_json({"first": first, "states": states, "edits_left_out": len(left_out)})
+        print_json({"first": first, "states": states, "edits_left_out": sum(is_edit)})
     else:
-        _print(first, states, len(left_out), trace)
+        _print(first, states, sum(is_edit), trace)
     if first is not None:
         raise typer.Exit(1)
 
@@ -63,21 +60,8 @@ def _ordered(changes: Iterable[Change]) -> list[Change]:
     return sorted(changes, key=lambda one: (one["t_ns"], one["machine"]))
 
 
-def _edits_in(trace: Trace) -> set[int]:
-    """Return the ids of the inputs that edit a machine: they would replace the program that is tried."""
-    from snr_sim.recording.records import InputRecord
-
-    names = (".edit", ".edit_file")
-    return {id(one) for one in trace.records if isinstance(one, InputRecord) and one.name.endswith(names)}
-
-
 def _changes_with(trace: Trace, file: str, trust: bool) -> list[Change]:
     """Execute the run again with another program; return its changes of state."""
-    from snr_sim.core.reload.sources import reading_from
-    from snr_sim.recording.replay import replay_node
-    from snr_sim.scenario.machine_edits import changes_of
-    from snr_sim.scenario.replay_files import files_of_replay
-
     plan = files_of_replay(trace, file)
     ask(trace.path.parent, plan.unknown, trust)
     with capture_output(is_json=True), reading_from(plan.files):

@@ -8,19 +8,17 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from snr_sim.cli.output import print_text
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
+from snr_sim.scenario.library import Kind, find, find_lab, robot_of_scenario
 
 _CLASS = "ControllerTemplate"  # in the template
 _LAB, _CONTROLLER = "lab", "controller"
-_SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
-    "robot": ("robots", "lander"),
-    "scenario": ("scenarios", "lander_vertical"),
-}
+_SOURCES: dict[str, tuple[Kind, str]] = {"robot": ("robots", "lander"), "scenario": ("scenarios", "lander_vertical")}
 
 
 def new(
@@ -35,8 +33,6 @@ def new(
 
     Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
     """
-    from snr_sim.scenario.library import find, robot_of_scenario
-
     if scenario and what != _CONTROLLER:
         raise ParameterError(f"--scenario does not apply to a {what}.", fix="use it with snr new controller only.")
     if what == _LAB:
@@ -84,8 +80,6 @@ def new(
 
 def _begin_lab(name: str, folder: str) -> None:
     """Copy a lab's starter files and its page into a new folder."""
-    from snr_sim.scenario.library import find_lab
-
     found = find_lab(name)
     starter = found.path / "starter"
     if not starter.is_dir():
@@ -108,8 +102,6 @@ def _begin_lab(name: str, folder: str) -> None:
 
 def _begin_controller(name: str, scenario: str) -> None:
     """Write a controller of this name for a scenario's robot into the current folder, from the robot's template."""
-    from snr_sim.scenario.library import find, robot_of_scenario
-
     if not scenario:
         raise ParameterError(
             "`snr new controller` needs a scenario, which decides the robot.",

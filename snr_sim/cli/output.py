@@ -58,7 +58,9 @@ def capture_output(is_json: bool) -> Iterator[None]:
     before = sys.stdout
     before.flush()
     target = sys.stderr if is_json else before
-    kept = _duplicate(_STDOUT)
+    kept = None
+    with suppress(OSError):
+        kept = os.dup(_STDOUT)
     try:
         if is_json:
             with suppress(OSError):  # stdout or stderr does not exist
@@ -70,12 +72,6 @@ def capture_output(is_json: bool) -> Iterator[None]:
         if kept is not None:
             os.dup2(kept, _STDOUT)
             os.close(kept)
-
-
-def _duplicate(descriptor: int) -> int | None:
-    with suppress(OSError):
-        return os.dup(descriptor)
-    return None
 
 
 class _NonClosingStream(io.TextIOBase):

@@ -25,9 +25,7 @@ _PERIOD_S = 0.1  # of a progress line
 def plain_console(stderr: bool = False, width_in_a_pipe: int | None = None) -> Console:
     """Return a console that prints texts without interpreting markup.
 
-    Args:
-        stderr: whether it writes to stderr instead of stdout.
-        width_in_a_pipe: of a line when the output is not a terminal; 80 by default.
+    In a pipe a line is 80 characters wide, or `width_in_a_pipe`.
     """
     from rich.console import Console
 
@@ -54,9 +52,7 @@ def escape_markup(words: str) -> Text:
 def progress(name: str, after_s: float) -> Iterator[Callable[[float], None] | None]:
     """Yield a function that shows the virtual time of a run on a terminal, on stderr; None if there is no terminal.
 
-    Args:
-        name: of the run.
-        after_s: wall time before it is first shown, so that short runs do not show it.
+    It is first shown after so much wall time, so that short runs do not show it.
     """
     if not sys.stderr.isatty():
         yield None

@@ -8,27 +8,33 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
-from snr_sim.cli.live_page import add_live_page, print_address
+from snr_sim.cli.arguments import Shown
+from snr_sim.cli.live_page import LivePage, add_live_page, print_address
 from snr_sim.cli.output import capture_output, print_note, print_text
 from snr_sim.cli.plain_console import progress
+from snr_sim.core.config import Config
+from snr_sim.core.interrupts import graceful_shutdown
+from snr_sim.core.reload.watch import with_watch
+from snr_sim.core.runners import show_log
 from snr_sim.core.standard_streams import print_line
+from snr_sim.core.standstill import SlowStart
+from snr_sim.devices.gamepad import GamepadLoopFactory
 from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, TraceError
-
-if TYPE_CHECKING:
-    from snr_sim.cli.live_page import LivePage
-    from snr_sim.core.config import Config
-    from snr_sim.prelude.plant import Plant
-    from snr_sim.recording.records import Header
-    from snr_sim.recording.trace import TraceWriter
-    from snr_sim.scenario.role_run import RoleRun
-    from snr_sim.scenario.simulation import Request, Simulation
-    from snr_sim.scenario.simulation_run import RunResult, SimulationRun
+from snr_sim.prelude.plant import Plant
+from snr_sim.recording.folder import discard, new_run_folder, write_result
+from snr_sim.recording.records import Header
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.library import keep_copies
+from snr_sim.scenario.reload_checks import ReloadChecks
+from snr_sim.scenario.role_run import RoleRun
+from snr_sim.scenario.simulation import Request, Simulation, prepare
+from snr_sim.scenario.simulation_run import RunResult, SimulationRun
+from snr_sim.scenario.source_checks import notes_before
 
 _JSON_STALL_LIMIT_S = 60.0  # with --json, where no user reads the warning about a stalled run
 _SLOW_S = 2.0  # wall time after which a fast run shows its progress
-Shown = Literal["", "window", "browser"]  # where a run is shown
 
 
 def record_run(
@@ -53,17 +59,6 @@ def record_run(
     Raises:
         SnrError: the request is wrong; nothing has been written.
     """
-    from snr_sim.core.interrupts import graceful_shutdown
-    from snr_sim.core.reload.watch import with_watch
-    from snr_sim.core.runners import show_log
-    from snr_sim.core.standstill import SlowStart
-    from snr_sim.recording.folder import discard, new_run_folder
-    from snr_sim.recording.trace import FILE_NAME, TraceWriter
-    from snr_sim.scenario.library import keep_copies
-    from snr_sim.scenario.reload_checks import ReloadChecks
-    from snr_sim.scenario.simulation_run import SimulationRun
-    from snr_sim.scenario.source_checks import notes_before
-
     place, out = out, out.resolve()  # the student's code may change the current folder
     with capture_output(is_json), ExitStack() as stack:
         start = stack.enter_context(ExitStack())
@@ -87,9 +82,8 @@ def record_run(
             config.get(simulation.roles[0]).append(console)
         live_page = None
         if page is not None:
-            live_page = add_live_page(
-                config, simulation.roles, page, f"{simulation.scenario_name}, seed {request.seed}"
-            )
+            title = f"{simulation.scenario_name}, seed {request.seed}"
+            live_page = add_live_page(config, simulation.roles, page, title)
             stack.callback(live_page.release)
             live_page.claim()
         with ExitStack() as undo:  # an invalid request should not leave files behind
@@ -148,14 +142,7 @@ def record_run(
 def _prepared(
     request: Request, pace: float | None
 ) -> tuple[Simulation, RoleRun | None, Plant | None, Config, float | None]:
-    """Return the simulation, the run of a role that runs by itself, plant, configuration and pace.
-
-    Raises:
-        SnrError: the request is invalid.
-    """
-    from snr_sim.scenario.role_run import RoleRun
-    from snr_sim.scenario.simulation import prepare
-
+    """Return the simulation, the run of a role that runs by itself, plant, configuration and pace."""
     simulation = prepare(request)
     if simulation.uses_hardware and pace not in (None, 1.0):
         raise ParameterError(f"--io {request.io} uses real devices, which run in real time only.", fix="--speed real.")
@@ -185,11 +172,7 @@ def _run_to_end(run: SimulationRun | RoleRun, signals: list[str], recorder: Trac
 
 
 def _stall_limit_s(asked_s: float | None, is_json: bool) -> float:
-    """Return how long a run may stall [s].
-
-    Raises:
-        ParameterError: the time is not valid.
-    """
+    """Return how long a run may stall [s]; raise ParameterError for an invalid time."""
     if asked_s is None:
         return _JSON_STALL_LIMIT_S if is_json else math.inf
     if asked_s > 0:
@@ -201,8 +184,6 @@ def _stall_limit_s(asked_s: float | None, is_json: bool) -> float:
 
 def _pace_for_manual_pilot(config: Config, roles: list[str], pace: float | None) -> float | None:
     """Return the pace; if a person steers and gave no pace, that of the wall clock, with a note."""
-    from snr_sim.devices.gamepad import GamepadLoopFactory
-
     is_manual = any(isinstance(factory, GamepadLoopFactory) for role in roles for factory in config.get(role))
     if pace is not None or not is_manual:
         return pace
@@ -212,8 +193,6 @@ def _pace_for_manual_pilot(config: Config, roles: list[str], pace: float | None)
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: RunResult) -> None:
     """Write result.json; if the disk is full the run still counts, with a note."""
-    from snr_sim.recording.folder import write_result
-
     try:
         write_result(folder, fields)
     except TraceError as error:

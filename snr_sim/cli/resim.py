@@ -5,19 +5,20 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from snr_sim.cli.arguments import AsJson, Out, RecordedRun, WithRrd
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import print_json, print_note, print_text, print_warnings
+from snr_sim.cli.replay import environment_note
 from snr_sim.cli.trust import Trust, ask
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.io import parse_io
-
-if TYPE_CHECKING:
-    from snr_sim.scenario.simulation import Request
+from snr_sim.recording.folder import records_digest, trace_path
+from snr_sim.scenario.replay_files import files_of_resim
+from snr_sim.scenario.simulation import Request, request_of
 
 
 def resim(
@@ -38,11 +39,7 @@ def resim(
 
     Exit status: as of `snr run`.
     """
-    from snr_sim.cli.recorded_run import record_run
-    from snr_sim.cli.replay import environment_note
-    from snr_sim.recording.folder import records_digest, trace_path
-    from snr_sim.scenario.replay_files import files_of_resim
-    from snr_sim.scenario.simulation import request_of
+    from snr_sim.cli.recorded_run import record_run  # most of a run's modules, which --help need not wait for
 
     trace = trace_of(run)
     ask(trace.path.parent, files_of_resim(trace, with_file), trust)
@@ -69,8 +66,7 @@ def resim(
 def with_devices(request: Request, io: str) -> Request:
     """Return a recorded request with the devices asked for, or with its own devices if none of them is real.
 
-    Raises:
-        ParameterError: the user gave no devices and the run had real ones, which would move unexpectedly.
+    ParameterError is raised if none were asked for and the run had real ones, which would move unexpectedly.
     """
     if io:
         is_whole = parse_io(request.io).kind == "pi" and parse_io(io).kind != "pi"

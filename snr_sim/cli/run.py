@@ -8,10 +8,9 @@ from typing import Annotated
 
 import typer
 
-from snr_sim.cli.arguments import AsJson, Io, Out, WithRrd, options_of, pace_of
+from snr_sim.cli.arguments import AsJson, Io, Out, Shown, WithRrd, options_of, pace_of
 from snr_sim.cli.live_page import LOOPBACK, LivePage
 from snr_sim.cli.output import print_json, print_note
-from snr_sim.cli.recorded_run import Shown, record_run
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import ParameterError, SnrError
 from snr_sim.prelude.io import ENVIRONMENT, parse_io
@@ -64,6 +63,7 @@ def run(
 
     Exit status: 0 the scenario's criterion was met, 1 it ran and was not, 2 the request was wrong (nothing written).
     """
+    from snr_sim.cli.recorded_run import record_run  # most of a run's modules, which --help need not wait for
     from snr_sim.scenario.simulation import Request
 
     # A file is stored with its path, so that a replay from another folder finds it again.
@@ -77,7 +77,9 @@ def run(
     page = LivePage.of_options(live, live_port, live_host, live_token_file)
     if page is not None and pace is None:
         print_note("A fast run may be over before its page is open. Try: --speed real, or snr machine view RUN later.")
-    _print_sources(context, io)
+    source = context.get_parameter_source("io")
+    if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
+        print_line(sys.stderr, f"real outputs: {io}, from {ENVIRONMENT}")  # which may have been set days ago
     if show and not show_web:
         from snr_sim.view.view_server import check_display
 
@@ -101,13 +103,6 @@ def run(
     if shown and not is_live:
         _show(Path(fields["run_dir"]), shown)
     sys.exit(status)
-
-
-def _print_sources(context: typer.Context, io: str) -> None:
-    """Warn that real outputs will move if `--io` was not typed: the variable may have been set days ago."""
-    source = context.get_parameter_source("io")
-    if source is not None and source.name == "ENVIRONMENT" and parse_io(io).is_hardware:
-        print_line(sys.stderr, f"real outputs: {io}, from {ENVIRONMENT}")
 
 
 def _show(folder: Path, shown: Shown) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -11,9 +11,7 @@ from snr_sim.cli.arguments import RecordedRun
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import print_encoded, print_text, print_warnings
 from snr_sim.prelude.errors import UnknownNameError, suggest
-
-if TYPE_CHECKING:
-    from snr_sim.recording.records import Record
+from snr_sim.recording import records
 
 _KINDS = ("begin", "input", "task", "page", "truth", "error", "said", "end")
 
@@ -26,8 +24,6 @@ def trace(
     as_json: Annotated[bool, typer.Option("--json", help="Print the lines of the file.")] = False,
 ) -> None:
     """Print the records of a run."""
-    from snr_sim.recording.records import encode_record
-
     if kind and kind not in _KINDS:
         raise UnknownNameError(f"There are no records of kind '{kind}'.", fix=suggest(kind, _KINDS))
     recorded = trace_of(run)
@@ -40,34 +36,29 @@ def trace(
         raise UnknownNameError(f"This run has no tasks or pages '{name}'.", fix=suggest(name, names))
     for record in recorded.records:
         config: Any = record.__struct_config__
-        if kind and config.tag != kind:
-            continue
-        if node and getattr(record, "node", "") not in (node, f"{node}_node"):
-            continue
-        if name and not fnmatchcase(getattr(record, "name", ""), name):
-            continue
-        if as_json:
-            print_encoded(encode_record(record).decode())
-        else:
-            print_text(_line(record, config.tag))
+        is_kind = kind in ("", config.tag)
+        is_of_node = not node or getattr(record, "node", "") in (node, f"{node}_node")
+        if is_kind and is_of_node and (not name or fnmatchcase(getattr(record, "name", ""), name)):
+            if as_json:
+                print_encoded(records.encode_record(record).decode())
+            else:
+                print_text(_line(record, config.tag))
 
 
-def _line(record: Record, kind: str) -> str:
-    from snr_sim.recording.records import BeginRecord, EndRecord, ErrorRecord, InputRecord, LogLineRecord, TruthRecord
-
+def _line(record: records.Record, kind: str) -> str:
     head = f"{record.seq:>7} {record.t:>10.4f} {kind:<6}"
-    if isinstance(record, TruthRecord):
+    if isinstance(record, records.TruthRecord):
         return f"{head} " + " ".join(f"{key}={value:.6g}" for key, value in record.values.items())
-    if isinstance(record, ErrorRecord):
+    if isinstance(record, records.ErrorRecord):
         return f"{head} {record.node} {record.component}: {record.message}"
-    if isinstance(record, LogLineRecord):
+    if isinstance(record, records.LogLineRecord):
         return f"{head} {record.node} {record.component} {record.level}: {record.text}"
-    if isinstance(record, EndRecord):
+    if isinstance(record, records.EndRecord):
         return f"{head} {record.node} {record.reason} {record.summary}"
-    if isinstance(record, BeginRecord):
+    if isinstance(record, records.BeginRecord):
         return f"{head} {record.node} {record.component} {_returned(record.returned)}"
     values = bytes(record.values).decode()
-    if isinstance(record, InputRecord):
+    if isinstance(record, records.InputRecord):
         return f"{head} {record.node} {record.source} -> {record.type} {record.name} {values}"
     by = "; ".join(f"{one.component}.{one.handler} -> {_returned(one.returned)}" for one in record.handled) or "nobody"
     return f"{head} {record.node} {record.type} {record.name} {values} (from {record.cause}) {by}"

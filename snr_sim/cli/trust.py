@@ -17,15 +17,9 @@ Trust = Annotated[
 
 
 def ask(run: object, unknown: Sequence[str], is_trusted: bool) -> None:
-    """Ask whether files may be executed; return if so, or if there are none.
+    """Ask whether the unknown files of a run may be executed; return if so, or if there are none.
 
-    Args:
-        run: the run that they belong to.
-        unknown: the files, as text.
-        is_trusted: whether the user has already agreed.
-
-    Raises:
-        ParameterError: the user does not agree, or there is no terminal to ask on.
+    ParameterError is raised if the user does not agree, or there is no terminal to ask on.
     """
     if is_trusted or not unknown:
         return

@@ -12,12 +12,11 @@ from typer.core import TyperGroup
 
 @dataclass(frozen=True)
 class Verb:
-    """A command in the module of its name.
+    """A command in the module of its name, or of `module`.
 
     Args:
         about: its line in `snr --help`, which is also the first line of its own help.
         examples: below its help.
-        module: name of its module and function, if it differs from the verb.
         takes_dashes: whether words that look like options may be arguments, as in `store x -1`.
     """
 

@@ -9,19 +9,8 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
+from snr_sim.console import wire
 from snr_sim.console.parsing import MAX_LINE_CHARS, CommandResult
-from snr_sim.console.wire import (
-    PURPOSE,
-    SECRET_IS,
-    CommandMessage,
-    CompleteMessage,
-    CompletionsMessage,
-    Reply,
-    decode_response,
-    encode_request,
-    read_for,
-    result_from_reply,
-)
 from snr_sim.links.security import as_secret
 from snr_sim.links.session import Session, SessionConfig
 from snr_sim.prelude.errors import LinkError, ValueEncodingError
@@ -63,15 +52,16 @@ class ConsoleClient:
         self.reason: str = "no connection has been tried yet."  # why there is no connection
         self.was_refused: bool = False  # the node rejects this client: a retry is of no use
         self.node: str = ""  # name of the node at the other end
+        secret = as_secret(token, "token=")
         self._config = SessionConfig(
-            "console", is_server=False, secret=as_secret(token, "token="), purpose=PURPOSE, secret_is=SECRET_IS
+            "console", is_server=False, secret=secret, purpose=wire.PURPOSE, secret_is=wire.SECRET_IS
         )
         self._retry_wait_s = retry_wait_s
         self._on_change = on_change
         self._on_state = on_state
         self._changed = threading.Condition()  # guards the attributes below, and is notified of their changes
         self._pending_numbers: set[int] = set()
-        self._answers: dict[int, Reply | CompletionsMessage] = {}
+        self._answers: dict[int, wire.Response] = {}
         self._number = 0
         self._is_up = False
         self._is_console = False  # the other end is known to be a console, whichever end rejected the other
@@ -90,11 +80,7 @@ class ConsoleClient:
         self._thread.join(CONNECT_TIMEOUT_S)
 
     def wait_until_up(self, timeout_s: float) -> None:
-        """Return once the connection is up.
-
-        Raises:
-            LinkError: it is not up after that time, or the node rejected it.
-        """
+        """Return once the connection is up; raise LinkError if it is not after that time, or the node rejected it."""
         with self._changed:
             self._changed.wait_for(lambda: self._is_up or self.was_refused, timeout_s)
             if not self._is_up and self._is_console:
@@ -123,27 +109,25 @@ class ConsoleClient:
             line.encode()
         except UnicodeEncodeError:
             return CommandResult("This line holds text that UTF-8 cannot carry.", is_error=True)
-        reply = self._exchange(lambda number: encode_request(CommandMessage(number, line)), timeout_s)
-        assert isinstance(reply, Reply)
-        return result_from_reply(reply)
+        reply = self._exchange(lambda number: wire.CommandMessage(number, line), timeout_s)
+        assert isinstance(reply, wire.Reply)
+        return wire.result_from_reply(reply)
 
     def complete(self, line: str, timeout_s: float = 1.0) -> list[str]:
         """Return the words that can follow at the end of the line; none without a connection to the node."""
         try:
-            words = self._exchange(
-                lambda number: encode_request(CompleteMessage(number, line[:MAX_LINE_CHARS])), timeout_s
-            )
+            words = self._exchange(lambda number: wire.CompleteMessage(number, line[:MAX_LINE_CHARS]), timeout_s)
         except (LinkError, UnicodeEncodeError):
             return []
-        return words.words if isinstance(words, CompletionsMessage) else []
+        return words.words if isinstance(words, wire.CompletionsMessage) else []
 
-    def _exchange(self, frame_of: Callable[[int], bytes], timeout_s: float) -> Reply | CompletionsMessage:
+    def _exchange(self, request_of: Callable[[int], wire.Request], timeout_s: float) -> wire.Response:
         with self._changed:
             if not self._is_up:
                 raise LinkError(f"There is no connection to {self.host}:{self.port}: {self.reason}")
             self._number += 1
             number, end_count = self._number, self._end_count
-            frame = frame_of(number)
+            frame = wire.encode_request(request_of(number))
             self._pending_numbers.add(number)
             self._call_soon(self._send, frame, end_count)
             self._changed.wait_for(lambda: number in self._answers or self._end_count != end_count, timeout_s)
@@ -194,7 +178,7 @@ class ConsoleClient:
             reader, self._writer = await asyncio.open_connection(sock=sock)
         except (OSError, UnicodeError) as error:
             return f"{getattr(error, 'strerror', None) or error}."
-        session = self._session = Session(self._config, time.monotonic(), decode_response)
+        session = self._session = Session(self._config, time.monotonic(), wire.decode_response)
         try:
             await self._serve(reader)
         except OSError as error:
@@ -211,7 +195,7 @@ class ConsoleClient:
         session = self._session
         while not session.is_closed:
             self._flush()
-            data = await read_for(reader, HOUSEKEEPING_PERIOD_S)
+            data = await wire.read_for(reader, HOUSEKEEPING_PERIOD_S)
             if data:
                 self._receive(data)
             elif data is not None:
@@ -248,9 +232,9 @@ class ConsoleClient:
                 self._changed.notify_all()
             self._on_state(f"connected to {self.node} at {self.host}:{self.port}")
 
-    def _take(self, message: Reply | CompletionsMessage) -> None:
-        if isinstance(message, Reply) and not message.number:
-            self._on_change(result_from_reply(message))
+    def _take(self, message: wire.Response) -> None:
+        if isinstance(message, wire.Reply) and not message.number:
+            self._on_change(wire.result_from_reply(message))
             return
         with self._changed:
             if message.number in self._pending_numbers:  # and its caller still waits

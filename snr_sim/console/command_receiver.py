@@ -8,22 +8,10 @@ from collections import deque
 from contextlib import suppress
 from typing import NamedTuple
 
+from snr_sim.console import wire
 from snr_sim.console.commands import TABLE
 from snr_sim.console.parsing import CommandResult
 from snr_sim.console.session import ConsoleSession
-from snr_sim.console.wire import (
-    DEFAULT_PORT,
-    MAX_LINE_FRAME_BYTES,
-    PURPOSE,
-    READ_BYTES,
-    SECRET_IS,
-    CommandMessage,
-    CompleteMessage,
-    decode_request,
-    encode_completions,
-    encode_reply,
-    read_for,
-)
 from snr_sim.links.newcomers import Newcomers, largest_group, source_of
 from snr_sim.links.server_loop import ServerLoop, ServerLoopFactory
 from snr_sim.links.session import Session as WireSession
@@ -63,7 +51,7 @@ class CommandReceiverFactory(ServerLoopFactory):
 
     def __init__(
         self,
-        port: int = DEFAULT_PORT,
+        port: int = wire.DEFAULT_PORT,
         host: str = "127.0.0.1",
         token: str | bytes | None = None,
         name: str = "console",
@@ -84,12 +72,12 @@ class ConsoleProtocol:
     """
 
     def __init__(self, config: SessionConfig, session: ConsoleSession, now_s: float, token_bucket: TokenBucket) -> None:
-        self.wire: WireSession = WireSession(config, now_s, decode_request)
+        self.wire: WireSession = WireSession(config, now_s, wire.decode_request)
         self.output: bytearray = bytearray()
         self.session: ConsoleSession = session
         self._token_bucket = token_bucket
         self._waiting_number = 0  # of the command whose result is not known yet
-        self._requests: deque[CommandMessage | CompleteMessage] = deque()
+        self._requests: deque[wire.Request] = deque()
         self._flush()
 
     @property
@@ -116,14 +104,14 @@ class ConsoleProtocol:
         """Answer waiting lines, show watched pages that have changed, and do periodic work."""
         outcome = self.session.outcome(now_s)
         if outcome is not None:
-            self._send(encode_reply(self._waiting_number, outcome))
+            self._send(wire.encode_reply(self._waiting_number, outcome))
         while self.is_busy and not self.is_over and self._token_bucket.take(now_s):
             self._answer(self._requests.popleft())
         if self._requests and len(self.output) <= MAX_OUTPUT_BYTES:
             self.wire.reset_idle_timer(now_s)  # this end does not read, so it cannot notice a silent console
         if self.wire.is_up and len(self.output) <= MAX_OUTPUT_BYTES:
             for answer in self.session.changes(now_s):
-                self._send(encode_reply(0, answer))
+                self._send(wire.encode_reply(0, answer))
         self.wire.tick(now_s)
         self._flush()
 
@@ -131,7 +119,7 @@ class ConsoleProtocol:
         """Send the goodbye message; a client that waits for a command's result is notified that none will arrive."""
         if self.wire.is_up and self.session.is_waiting:
             text = f"The connection closes before the command has a result: {reason} Try: dump, on a new connection."
-            self._send(encode_reply(self._waiting_number, CommandResult(text, is_error=True)))
+            self._send(wire.encode_reply(self._waiting_number, CommandResult(text, is_error=True)))
         self.wire.bye(reason)
         self._flush()
 
@@ -140,15 +128,15 @@ class ConsoleProtocol:
         self.wire.refuse(reason)
         self._flush()
 
-    def _answer(self, request: CommandMessage | CompleteMessage) -> None:
-        if isinstance(request, CommandMessage):
+    def _answer(self, request: wire.Request) -> None:
+        if isinstance(request, wire.CommandMessage):
             answer = self.session.execute(request.line)
             if self.session.is_waiting:
                 self._waiting_number = request.number
             else:
-                self._send(encode_reply(request.number, answer))
+                self._send(wire.encode_reply(request.number, answer))
         else:
-            self._send(encode_completions(request.number, self.session.complete(request.line)))
+            self._send(wire.encode_completions(request.number, self.session.complete(request.line)))
 
     def _flush(self) -> None:
         for frame in self.wire.take_output():
@@ -191,9 +179,9 @@ class CommandReceiver(ServerLoop):
             parent.name,
             is_server=True,
             secret=factory.token,
-            purpose=PURPOSE,
-            max_frame_bytes=MAX_LINE_FRAME_BYTES,
-            secret_is=SECRET_IS,
+            purpose=wire.PURPOSE,
+            max_frame_bytes=wire.MAX_LINE_FRAME_BYTES,
+            secret_is=wire.SECRET_IS,
         )
         self._new_names: set[str] = set()
         self._token_bucket = TokenBucket(LINES_PER_S, LINES_AT_ONCE)
@@ -206,7 +194,7 @@ class CommandReceiver(ServerLoop):
         asyncio.get_running_loop().set_exception_handler(
             lambda _, about: self.log.warning("%s: %s", about["message"], about.get("exception"))
         )
-        server = await asyncio.start_server(self._on_connection, sock=self._sock, limit=READ_BYTES)
+        server = await asyncio.start_server(self._on_connection, sock=self._sock, limit=wire.READ_BYTES)
         await self._ending.wait()
         server.close()
         tasks = [connection.task for connection in self._connections if connection.task is not None]
@@ -231,7 +219,9 @@ class CommandReceiver(ServerLoop):
         try:
             await self._serve_connection(connection, reader)
         except asyncio.CancelledError:
-            protocol.end(self._bye_reason())
+            node = self.parent
+            ended = f"ended: {node.exit_reason or 'no reason given'}."
+            protocol.end(f"node '{node.name}' {ended if node.is_finished else 'reloads or removes its console.'}")
             await _close(connection, reader)
         except OSError:
             pass  # the console is gone
@@ -248,7 +238,7 @@ class CommandReceiver(ServerLoop):
             rest_s = resume_s - time.monotonic()
             if rest_s > 0 or not protocol.wants_bytes:
                 await asyncio.sleep(min(poll_timeout_s, rest_s) if rest_s > 0 else poll_timeout_s)
-            elif data := await read_for(reader, poll_timeout_s):
+            elif data := await wire.read_for(reader, poll_timeout_s):
                 resume_s = time.monotonic() + max(len(data) / BYTES_PER_S, 1 / READS_PER_S)
                 self._take(connection, data)
             elif data is not None:
@@ -278,12 +268,6 @@ class CommandReceiver(ServerLoop):
             if self._forged == 1:  # logged once: it can happen again and again
                 self.log.warning("a console's connection was closed: %s", connection.protocol.wire.reason)
 
-    def _bye_reason(self) -> str:
-        node = self.parent
-        if node.is_finished:
-            return f"node '{node.name}' ended: {node.exit_reason or 'no reason given'}."
-        return f"node '{node.name}' reloads or removes its console."
-
 
 def _poll_timeout_s(protocol: ConsoleProtocol) -> float:
     """Return how long the connection can wait for data before the next work is due."""
@@ -300,5 +284,5 @@ async def _close(connection: ConsoleConnection, reader: asyncio.StreamReader) ->
         async with asyncio.timeout(HANG_UP_S):
             connection.writer.write(bytes(connection.protocol.output))
             connection.writer.write_eof()
-            while await reader.read(READ_BYTES):
+            while await reader.read(wire.READ_BYTES):
                 pass

@@ -53,7 +53,8 @@ def _event(session: ConsoleSession, name: str, values: list[object]) -> CommandR
     known = events_of(session.node)
     if (TaskType.event, name) in session.node.components[CORE_NAME].task_handlers:
         raise ConsoleCommandError(f"The event '{name}' is the node's own.", fix=suggest(name, known))
-    if name not in known and not _handles_every_event(session.node):
+    handles_all = any(TaskType.event in one.task_handlers for one in session.node.components.copy().values())
+    if name not in known and not handles_all:
         fix = suggest(name, known) if known else "list, which shows the components."
         raise ConsoleCommandError(f"No component of this node handles an event '{name}'.", fix=fix)
     session.admit_name(f"event {name}", name in known)
@@ -62,20 +63,16 @@ def _event(session: ConsoleSession, name: str, values: list[object]) -> CommandR
 
 
 def _store(session: ConsoleSession, given: Given) -> CommandResult:
-    key, value = given["KEY"], given["JSON"]
-    session.admit_name(f"page {key}", key in session.node.datastore.pages)
-    pages = session.node.datastore.pages
-    before = pages.get(key)
+    key, value, pages = given["KEY"], given["JSON"], session.node.datastore.pages
+    session.admit_name(f"page {key}", key in pages)
+    before, shown = pages.get(key), f"{key} = {format_short(value)}"
 
     def poll_stored() -> CommandResult | None:
-        return (
-            None
-            if pages.get(key) is before
-            else CommandResult(f"{key} = {format_short(value)} is stored.", {"store": key})
-        )
+        is_stored = pages.get(key) is not before
+        return CommandResult(f"{shown} is stored.", {"store": key}) if is_stored else None
 
-    session.expect(session.node.store_data_task(key, value), f"{key} = {format_short(value)}", poll_stored)
-    return CommandResult(f"{key} = {format_short(value)} is queued.", {"store": key})
+    session.expect(session.node.store_data_task(key, value), shown, poll_stored)
+    return CommandResult(f"{shown} is queued.", {"store": key})
 
 
 def _reload(session: ConsoleSession, given: Given) -> CommandResult:
@@ -90,9 +87,8 @@ def _reload(session: ConsoleSession, given: Given) -> CommandResult:
         report = page.data if page is not None and page is not before else None
         if not isinstance(report, dict) or report.get("component") != name:
             return None
-        return CommandResult(
-            truncate(visible(str(report.get("message")))), truncate_value(report), is_error=not report.get("ok")
-        )
+        text = truncate(visible(str(report.get("message"))))
+        return CommandResult(text, truncate_value(report), is_error=not report.get("ok"))
 
     session.expect(tasks.reload_component(name), f"reload of '{name}'", poll_reloaded)
     return CommandResult(f"reload of '{name}' is queued.", {"reload": name})
@@ -158,10 +154,6 @@ def events_of(node: Node) -> set[str]:
         for task_id in tuple(component.task_handlers)
         if isinstance(task_id, tuple) and task_id[0] is TaskType.event
     }
-
-
-def _handles_every_event(node: Node) -> bool:
-    return any(TaskType.event in component.task_handlers for component in node.components.copy().values())
 
 
 TYPE = Argument("TYPE", is_optional=True, choices=tuple(kind.value for kind in TaskType))

@@ -43,11 +43,7 @@ class LocalConsoleFactory(LoopFactory):
         self.name = name
 
     def __reduce__(self) -> str:
-        """Raise an error: a terminal cannot be sent to another process.
-
-        Raises:
-            ConfigError: always.
-        """
+        """Raise ConfigError: a terminal cannot be sent to another process."""
         raise ConfigError(
             "LocalConsoleFactory reads from the terminal, which only the program that starts the processes has.",
             fix="CommandReceiverFactory(54321) in this role, and `snr console 54321` in another terminal.",
@@ -75,6 +71,7 @@ class LocalConsole(Loop):
         self._rest = b""
         self._lines: deque[str] = deque()
         self._is_at_end = False
+        self._read: Callable[[], bytes | None]
 
     def begin(self) -> None:
         """Start the thread."""
@@ -84,7 +81,8 @@ class LocalConsole(Loop):
         """Determine how to read without blocking indefinitely."""
         stream = self.factory.reads or sys.stdin
         try:
-            self._read = _reader_of(stream.fileno())
+            number, is_windows = stream.fileno(), sys.platform == "win32"
+            self._read = _ThreadReader(number) if is_windows else partial(_select_and_read, number)
         except (AttributeError, OSError, ValueError):
             self.log.warning("there is no terminal to read commands from")
             self.stop()
@@ -155,7 +153,3 @@ class _ThreadReader:
             return self._received.get(timeout=POLL_PERIOD_S)
         except Empty:
             return None
-
-
-def _reader_of(descriptor: int) -> Callable[[], bytes | None]:
-    return _ThreadReader(descriptor) if sys.platform == "win32" else partial(_select_and_read, descriptor)

@@ -32,8 +32,7 @@ class ConsoleCommandError(SnrError):
 def split_line(line: str) -> list[str]:
     """Return the words of a line: they end at a space outside of brackets and quotes.
 
-    Raises:
-        ConsoleCommandError: the line is too long, or has an unclosed bracket or quote.
+    ConsoleCommandError is raised if the line is too long, or has an unclosed bracket or quote.
 
     >>> split_line('task start [1, 2] "a b" {"k": "]"}')
     ['task', 'start', '[1, 2]', '"a b"', '{"k": "]"}']
@@ -92,11 +91,7 @@ def _check_numbers(value: Any) -> None:
 
 
 def parse_name(word: str, what: str) -> str:
-    """Return the name that a word contains: the word itself, or the content of its quotes.
-
-    Raises:
-        ConsoleCommandError: it is empty, too long, or contains characters that cannot be printed.
-    """
+    """Return the name that a word or its quotes contain; raise ConsoleCommandError for an invalid one."""
     name = parse_value(word) if word.startswith('"') else word
     if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME_CHARS or not name.isprintable():
         raise ConsoleCommandError(
@@ -160,11 +155,7 @@ Table: TypeAlias = Mapping[str, CommandSpec]
 
 
 def parse(table: Table, line: str) -> tuple[CommandSpec, dict[str, Any]]:
-    """Return the command of a line, and its arguments by name.
-
-    Raises:
-        ConsoleCommandError: the command is unknown, or its arguments are invalid.
-    """
+    """Return the command of a line, and its arguments by name; raise ConsoleCommandError for invalid ones."""
     words = split_line(line)
     if not words:
         raise ConsoleCommandError("An empty line is not a command.", fix="help lists the commands.")
@@ -176,16 +167,19 @@ def parse(table: Table, line: str) -> tuple[CommandSpec, dict[str, Any]]:
     try:
         return command, _arguments(command, words[1:])
     except ConsoleCommandError:
-        _check_misspelt(command, words[1:])
+        first = command.arguments[0]  # perhaps a misspelt optional choice
+        if words[1:] and first.is_optional and get_close_matches(words[1][:MAX_NAME_CHARS], first.choices, 1, 0.7):
+            _one(first, words[1])
         raise
 
 
 def _arguments(command: CommandSpec, words: list[str]) -> dict[str, Any]:
     given: dict[str, Any] = {}
     for argument in command.arguments:
-        if argument.is_many or argument.kind == "text":
-            given[argument.name] = _rest(argument, words)
-            words = []
+        if argument.is_many:
+            given[argument.name], words = [_one(argument, word) for word in words], []
+        elif argument.kind == "text":
+            given[argument.name], words = parse_name(" ".join(words), argument.name) if words else "", []
         elif words and not (argument.is_optional and argument.choices and words[0] not in argument.choices):
             given[argument.name] = _one(argument, words[0])
             words = words[1:]
@@ -196,19 +190,6 @@ def _arguments(command: CommandSpec, words: list[str]) -> dict[str, Any]:
         fix = suggest(words[0][:MAX_NAME_CHARS], choices) if choices else command.usage
         raise ConsoleCommandError(f"'{command.name}' does not take {quote(words[0])}.", fix=fix)
     return given
-
-
-def _check_misspelt(command: CommandSpec, words: list[str]) -> None:
-    """Raise ConsoleCommandError if a line is invalid because its first word is a misspelt optional choice."""
-    first = command.arguments[0]
-    if words and first.is_optional and get_close_matches(words[0][:MAX_NAME_CHARS], first.choices, 1, 0.7):
-        _one(first, words[0])
-
-
-def _rest(argument: Argument, words: Sequence[str]) -> Any:
-    if argument.kind == "text":
-        return parse_name(" ".join(words), argument.name) if words else ""
-    return [_one(argument, word) for word in words]
 
 
 def _one(argument: Argument, word: str) -> Any:

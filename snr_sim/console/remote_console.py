@@ -42,11 +42,7 @@ class RemoteConsole:
         self._wait_s = wait_s
 
     def run(self) -> Sequence[CommandResult]:
-        """Return the answers to `commands`; without them, prompt the user until they leave.
-
-        Raises:
-            LinkError: no node answers, or the connection was lost before an answer arrived.
-        """
+        """Return the answers to `commands`, or prompt the user until they leave; raise LinkError if no node answers."""
         with self.client:
             if self.commands is None:
                 self._prompt_user()

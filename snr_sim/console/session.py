@@ -43,9 +43,7 @@ class _PendingResult:
 class ConsoleSession:
     """Executes one console's lines on a running node, from any thread, and shows the pages it watches.
 
-    Args:
-        source: source of its tasks in the trace: the name of the console.
-        new_names: names that consoles have introduced in the node; shared by the sessions of one receiver.
+    Its tasks have `source` in the trace. The sessions of a receiver share `new_names` that they introduced in the node.
     """
 
     def __init__(self, node: Node, table: Table, source: str = "console", new_names: set[str] | None = None) -> None:

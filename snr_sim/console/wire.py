@@ -60,12 +60,14 @@ class CompletionsMessage(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     words: list[str]
 
 
-decode_request: Callable[[bytes], CommandMessage | CompleteMessage] = decoder_of(CommandMessage, CompleteMessage)
-decode_response: Callable[[bytes], Reply | CompletionsMessage] = decoder_of(Reply, CompletionsMessage)
+Request: TypeAlias = CommandMessage | CompleteMessage
+Response: TypeAlias = Reply | CompletionsMessage
+decode_request: Callable[[bytes], Request] = decoder_of(CommandMessage, CompleteMessage)
+decode_response: Callable[[bytes], Response] = decoder_of(Reply, CompletionsMessage)
 _encode = msgspec.json.Encoder().encode
 
 
-def encode_request(message: CommandMessage | CompleteMessage) -> bytes:
+def encode_request(message: Request) -> bytes:
     """Return the frame of a request."""
     return encode_frame(_encode(message), MAX_LINE_FRAME_BYTES)
 

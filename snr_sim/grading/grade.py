@@ -5,12 +5,14 @@ from __future__ import annotations
 import logging
 import shutil
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
+
+from msgspec.structs import replace
 
 from snr_sim import __version__
 from snr_sim.core.source_location import describe_error, without_addresses
@@ -83,11 +85,7 @@ def grade_submission(
 
 
 def resolve_isolation(isolation: RequestedIsolation) -> Isolation:
-    """Return the isolation of a student's process, as in reports.
-
-    Raises:
-        IsolationMissingError: isolation is required, and cannot be had here.
-    """
+    """Return the isolation of a student's process, as in reports; raise IsolationMissingError if there is none."""
     return "none" if isolation == "none" else find_isolation()
 
 
@@ -120,26 +118,18 @@ class _Grading:
             cases = check.cases(self.lab.name, self.secret)
             if not cases and self.secret is None:
                 continue  # it has hidden cases only
-            missing = [need for need in check.needs if need in done and not done[need].is_passed]
-            done[check.name] = self._skip_check(check, done[missing[0]]) if missing else self._run_check(check, cases)
+            result = CheckResult(name=check.name, title=check.title, points=0.0, max_points=check.points)
+            missing = [done[need] for need in check.needs if need in done and not done[need].is_passed]
+            if missing:
+                reason = f"'{missing[0].title.rstrip('.')}' comes first, and did not get all its points."
+                done[check.name] = replace(result, skipped_because=reason)
+                continue
+            results = tuple(self._case(check, case, number) for number, case in enumerate(cases))
+            fraction = sum(one.fraction for one in results) / len(results)
+            if check.all_or_nothing and fraction < 1.0:
+                fraction = 0.0
+            done[check.name] = replace(result, points=round(check.points * fraction, 6), cases=results)
         return tuple(done.values())
-
-    def _skip_check(self, check: Check, need: CheckResult) -> CheckResult:
-        return CheckResult(
-            name=check.name,
-            title=check.title,
-            points=0.0,
-            max_points=check.points,
-            skipped_because=f"'{need.title.rstrip('.')}' comes first, and did not get all its points.",
-        )
-
-    def _run_check(self, check: Check, cases: Sequence[Case]) -> CheckResult:
-        results = tuple(self._case(check, case, number) for number, case in enumerate(cases))
-        fraction = sum(one.fraction for one in results) / len(results)
-        if check.all_or_nothing and fraction < 1.0:
-            fraction = 0.0
-        points = round(check.points * fraction, 6)
-        return CheckResult(name=check.name, title=check.title, points=points, max_points=check.points, cases=results)
 
     def _case(self, check: Check, case: Case, number: int) -> CaseResult:
         if self.on_case is not None:

@@ -15,6 +15,8 @@ Points: TypeAlias = NDArray[np.float64]
 
 # A path is drawn with at most this many points. More are not distinguishable on a screen, and a run may last for days.
 MAX_PATH_POINTS = 2_000
+SLACK, TAUT = (236, 214, 110), (255, 70, 60)  # colours of a tether
+HARD_PULL_N = 20.0  # at which it has the colour of a taut one: half the thrust of a vehicle of its size
 BOW = 0.10  # sag of a slack tether in drawings, as a fraction of its span
 # A bow of unit length, along x, that goes out along z.
 TETHER_LINE: Points = np.array([[i / 16.0, 0.0, 4.0 * (i / 16.0) * (1.0 - i / 16.0)] for i in range(17)])

@@ -23,10 +23,9 @@ DIFFERENCE_COLOR = 2
 
 
 def select_signals(comparison: Comparison, names: Sequence[str] = ()) -> list[SignalComparison]:
-    """Return the signals to draw: those asked for, or the most significant one of each page, commands first.
+    """Return the signals to draw: the most significant one of each page, commands first, or those that are asked for.
 
-    Raises:
-        UnknownNameError: a signal that is asked for does not exist.
+    UnknownNameError is raised if one of these does not exist.
     """
     by_name = {one.name: one for one in comparison.signals}
     if names:

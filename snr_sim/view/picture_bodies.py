@@ -57,8 +57,7 @@ def flame_parts(
 ) -> list[Part]:
     """Return each force of a moment as a flame in the opposite direction, starting at the point where it acts.
 
-    Returns:
-        two triangles for each; the middle corner is the tip.
+    A flame has two triangles, of which the middle corner is the tip.
     """
     parts = []
     for name, arrow in vectors.items():

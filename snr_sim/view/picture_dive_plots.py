@@ -22,9 +22,10 @@ def dive_plots(tracks: BodyTracks, batch: Batch, is_planar: bool = False) -> lis
     main = next(iter(tracks.poses.values()))
     page_series = [one for node, one in batch.page_values() if not batch.is_copy(node, one.path[0])]
     axes = ("surge", "heave") if is_planar else ("surge", "sway", "heave")
+    pitch = [("pitch", times_s, np.degrees(np.unwrap(truth["pitch_rad"])))] if "pitch_rad" in truth else []
     plots = [
         Plot("[m]", [("depth", times_s, -main[:, 2]), *_setpoint_line(page_series, "depth_m")], DEPTH_M, is_down=True),
-        _pitch(truth, times_s) if is_planar else _heading(truth, times_s, page_series),
+        Plot("[°]", pitch, ANGLE_DEG) if is_planar else _heading(truth, times_s, page_series),
         Plot("[m/s]", [(axis, times_s, truth[f"{axis}_mps"]) for axis in axes if f"{axis}_mps" in truth], SPEED_MPS),
         _special(tracks, truth, (main - main[0])[:, : 1 if is_planar else 2]),
     ]
@@ -37,11 +38,6 @@ def _heading(truth: dict[str, Floats], times_s: Floats, page_series: list[Series
     for name, when_s, angles in _setpoint_line(page_series, "heading_rad"):
         turns = np.round((np.interp(when_s, times_s, heading) - angles) / (2.0 * np.pi))  # as near as possible
         lines.append((name, when_s, np.degrees(angles + 2.0 * np.pi * turns)))
-    return Plot("[°]", lines, ANGLE_DEG)
-
-
-def _pitch(truth: dict[str, Floats], times_s: Floats) -> Plot:
-    lines = [("pitch", times_s, np.degrees(np.unwrap(truth["pitch_rad"])))] if "pitch_rad" in truth else []
     return Plot("[°]", lines, ANGLE_DEG)
 
 

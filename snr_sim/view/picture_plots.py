@@ -36,11 +36,9 @@ def draw_plots(
     are_numbered: bool = False,
     begin_s: float = 0.0,
 ) -> None:
-    """Draw plots below each other over a common time axis.
+    """Draw plots below each other over a common time axis, which begins at `begin_s`.
 
-    Args:
-        events_s, are_numbered: moments to mark, and whether the marks have numbers, from 1.
-        begin_s: time at the left edge.
+    The moments `events_s` are marked, with numbers from 1 if `are_numbered`.
     """
     if not plots:
         return

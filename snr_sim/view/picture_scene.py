@@ -90,14 +90,13 @@ def ground_parts(
     background: Rgb,
     width: float = 1.6,
 ) -> list[Part]:
-    """Return the ground, filled down to the bottom, and lines for the sections of other meshes.
+    """Return the ground, filled down to the bottom, and lines for the sections of other meshes, drawn twice as wide.
 
     Args:
         cuts: sections of the ground, which is extended beyond its recorded part on both sides, and of other meshes.
         at: converts x and z [m] to positions on the sheet, of which `bottom` is the lowest.
         x: positions at which to evaluate the ground [m], from the left to the right edge.
         background: colour that is mixed into the ground.
-        width: of the ground's line; others are drawn twice as wide.
     """
     parts = []
     for i, (rgb, cut) in enumerate(cuts):

@@ -58,11 +58,7 @@ class Part(NamedTuple):
 
 
 class Sheet:
-    """A sheet to draw on, of a width and height in points.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
+    """A sheet to draw on, of a width and height in points; raise MissingExtraError if matplotlib is not installed."""
 
     def __init__(self, width: int, height: int, background: Rgb = BACKGROUND) -> None:
         try:
@@ -96,12 +92,9 @@ class Sheet:
         (axes or self.figure).add_artist(collection)
 
     def axes(self, area: Area, across: Point = (0.0, 1.0), up: Point = (0.0, 1.0), rgb: Rgb | None = None) -> Axes:
-        """Return axes without ticks.
+        """Return axes without ticks, on an area without the labels around it.
 
-        Args:
-            area: on the sheet, without the labels around it.
-            across, up: values at left and right edge, and at lower and upper edge.
-            rgb: background colour.
+        `across` and `up` are the values at left and right edge, and at lower and upper edge.
         """
         left, top, right, bottom = area
         wide, high = self.width, self.height
@@ -114,9 +107,7 @@ class Sheet:
     ) -> None:
         """Write about `count` round numbers along an axis of the axes that `axes` returned.
 
-        Args:
-            room_low, room_high: margins at its ends without numbers, in values of the axis.
-            mark: colour of a short line at each number.
+        Margins at its ends, in values of the axis, have no numbers; `mark` is the colour of a line at each number.
         """
         from matplotlib.ticker import MaxNLocator
 
@@ -129,13 +120,9 @@ class Sheet:
             axis.set_tick_params(color=color(mark), width=0.8)
 
     def text(self, at: Point, words: str, size: float, rgb: Rgb, anchor: str = "lt", **options: Any) -> None:
-        """Write a line of text.
+        """Write a line of text; `options` are further arguments of `Figure.text`.
 
-        Args:
-            at, words: position and text.
-            size, rgb: of the letters.
-            anchor: the point of the text at that position: 'lt' left top, 'rm' right middle, ...
-            options: further arguments of `Figure.text`.
+        The anchor is the point of the text at that position: 'lt' left top, 'rm' right middle, ...
         """
         ha, va = ALIGNED[anchor[0]], "top" if anchor[1] == "t" else "center_baseline"
         self.figure.text(*at, words, size=size, color=color(rgb), ha=ha, va=va, transform=self._points, **options)
@@ -177,8 +164,7 @@ class Sheet:
 def picture(path: str | Path, width: int, height: int, background: Rgb = BACKGROUND) -> Iterator[Sheet]:
     """Yield a sheet that is written as PNG at the end; the user's own matplotlib style does not affect it.
 
-    Raises:
-        MissingExtraError: matplotlib is not installed.
+    MissingExtraError is raised if matplotlib is not installed.
     """
     sheet = Sheet(width, height, background)
     from matplotlib import rc_context, rcdefaults

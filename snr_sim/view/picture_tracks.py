@@ -89,11 +89,7 @@ def _laid(points: Any) -> Floats:
 
 
 def body_tracks_of(header: Header, batch: Batch) -> BodyTracks:
-    """Return the paths of the bodies that are in all true states.
-
-    Raises:
-        TraceError: there is no such body.
-    """
+    """Return the paths of the bodies that are in all true states; raise TraceError if there is no such body."""
     truths: list[TruthRecord] = batch.truths
     bodies = [
         body for body in header.scene.get("bodies", {}) if truths and all(body in truth.poses for truth in truths)

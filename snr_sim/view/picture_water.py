@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from snr_sim.recording.columns import Floats
-from snr_sim.recording.scene import BOW, is_slack, points_of, rgb_of, world_from_body
+from snr_sim.recording.scene import BOW, HARD_PULL_N, SLACK, TAUT, is_slack, points_of, rgb_of, world_from_body
 from snr_sim.view.picture_layout import SheetPosition, SheetProjection
 from snr_sim.view.picture_sheet import Part, Rgb, Sheet, mixed
 from snr_sim.view.picture_tracks import NEWTONS_PER_MPS
@@ -22,9 +22,6 @@ CURRENT: Rgb = (150, 235, 190)
 CURRENT_POINTS = 140.0  # per m/s, limited to what fits into a corner
 MAX_CURRENT_POINTS = 50.0
 THIN_M = 0.01  # lines thinner than this are marks on the floor
-SLACK: Rgb = (236, 214, 110)
-TAUT: Rgb = (255, 70, 60)
-HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half the thrust of a vehicle of this size
 
 
 def water_parts(projection: SheetProjection, statics: Mapping[str, Any], is_above: bool) -> list[Part]:
@@ -79,14 +76,9 @@ def tether_part(
     pull_n: float,
     fraction: float,
 ) -> Part:
-    """Return a tether from its anchor to its body: straight if taut, with a sag if slack.
+    """Return a tether of a scene from its anchor to its body: straight if taut, with a sag if slack.
 
-    Args:
-        projection: of the scene.
-        position, pose: of the body.
-        tether: as the scene describes it.
-        pull_n: its force on the body, shown as its redness.
-        fraction: opacity, 0 to 1.
+    It is redder for a larger pull [N], and as opaque as the fraction, 0 to 1.
     """
     start = projection.at(tether["anchor_m"][0], tether["anchor_m"][2])
     dx, dy = span = position.at(world_from_body(pose, tether["place_m"])) - start

@@ -192,11 +192,7 @@ class ViewFile:
             writer.flush()
 
     def end(self, writer: Writer) -> None:
-        """Write the layout of everything that was sent to the file.
-
-        Raises:
-            TraceError: the file cannot be written.
-        """
+        """Write the layout of everything that was sent to the file; raise TraceError if the file cannot be written."""
         if self._has_begun:
             self._stream.send_blueprint(writer.blueprint())
         else:

@@ -43,7 +43,6 @@ def show_run(run: str | Path, height_px: int = 520) -> RunFrame:
 
     Args:
         run: a run folder, or an .rrd file, such as that of two runs from `snr replay --with`.
-        height_px: height of the frame.
 
     Raises:
         TraceError: there is no such run.

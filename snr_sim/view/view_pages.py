@@ -27,8 +27,7 @@ MAX_CONTENTS_CHARS = 20_000
 class PageContents:
     """Converter of pages, in batches, to texts; it keeps the newest text of each page.
 
-    Args:
-        lines: file and line of handlers by name, where they are known.
+    `lines` are file and line of handlers by name, where they are known.
     """
 
     def __init__(self, lines: Mapping[str, str] | None = None) -> None:

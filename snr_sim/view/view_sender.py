@@ -17,10 +17,9 @@ from snr_sim.recording.columns import When
 
 
 def pack_colors(colors: Any) -> Any:
-    """Return colours in rerun's format, one number each; rerun's own conversion of other formats is slower.
+    """Return colours, shape (n, 3) or (n, 4) with opacity, in rerun's format, one number each.
 
-    Args:
-        colors: red, green, blue and perhaps opacity of each, shape (n, 3) or (n, 4).
+    rerun's own conversion of other formats is slower.
     """
     red, green, blue, *opacity = np.asarray(colors, np.uint32).T
     return red << 24 | green << 16 | blue << 8 | (opacity[0] if opacity else np.uint32(255))
@@ -41,11 +40,9 @@ class _Column:
 
 
 class Sender:
-    """Sender of columns and static data to the entities of one run.
+    """Sender of columns and static data to the entities of one run, of which `root` is the prefix.
 
-    Args:
-        rr, stream: the module rerun, which only `view.py` imports, and a recording stream of it.
-        root: prefix of the run's entities.
+    `rr` is the module rerun, which only `view.py` imports, and the stream is a recording stream of it.
     """
 
     def __init__(self, rr: Any, stream: Any, root: tuple[str, ...]) -> None:

@@ -10,6 +10,9 @@ import numpy as np
 from snr_sim.recording.columns import BROKEN, Batch, When
 from snr_sim.recording.records import TruthRecord
 from snr_sim.recording.scene import (
+    HARD_PULL_N,
+    SLACK,
+    TAUT,
     TETHER_LINE,
     Path,
     Points,
@@ -27,8 +30,6 @@ THRUST_RGB = (255, 140, 30)
 FLOW_RGB = (110, 225, 150)
 PATH_RGB = (120, 200, 255)
 SHEET_RGBA = (90, 170, 225, 70)  # of a surface of water
-SLACK_RGB, TAUT_RGB = (236, 214, 110), (255, 70, 60)
-HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half the thrust of a vehicle of its size
 LABEL_RISE = 0.5  # height of a label above an object, as a fraction of the object's longest edge
 FLOW = "current"  # the arrow with this name is a velocity, not a force
 
@@ -153,7 +154,7 @@ class SceneSender:
         if pull is not None:
             pulls = np.interp(when.t_s, pull[0].t_s, np.linalg.norm(pull[1][:, 3:], axis=1))
         fraction = np.minimum(1.0, pulls / HARD_PULL_N)[:, None]
-        rgb = np.array(SLACK_RGB) + fraction * (np.array(TAUT_RGB) - np.array(SLACK_RGB))
+        rgb = np.array(SLACK) + fraction * (np.array(TAUT) - np.array(SLACK))
         self._sender.send(entity, when, rr.LineStrips3D.columns(colors=pack_colors(rgb)))
 
     def _send_arrows(self, name: str, when: When, arrows: Any) -> None:
@@ -183,7 +184,7 @@ class SceneSender:
             rr, entity = self._sender.rr, self._sender.entity("world", "broken", thruster)
             if ("broken", name) not in self._known:
                 self._known.add(("broken", name))
-                look = {"radii": rr.Radius.ui_points(7.0), "colors": TAUT_RGB}
+                look = {"radii": rr.Radius.ui_points(7.0), "colors": TAUT}
                 style = rr.Points3D.from_fields(**look, labels=[f"{thruster} is broken"], show_labels=True)
                 self._sender.log(entity, style)
             is_broken = [bool(truth.values.get(name)) for truth in truths]

@@ -39,11 +39,9 @@ def title_of(header: Header) -> str:
 
 
 class Writer:
-    """Writer of one run to a stream.
+    """Writer of one run to a recording stream of `rr`, the module rerun, which only `view.py` imports.
 
     Args:
-        rr, stream: the module rerun, which only `view.py` imports, and a recording stream of it.
-        header: of the run.
         root: prefix of its entities, if there are two runs in the stream.
         layout: shared by the runs in the stream; by default a new one.
         lines: of handlers, by name.
@@ -87,7 +85,10 @@ class Writer:
             for node, rows in logs:
                 self._send_log(node, place, rows)
         for node, when, texts in self._contents.of(batch):
-            self._send_contents(node, when, texts)
+            entity = self._sender.entity(node, "contents")
+            self._sender.send(entity, when, self._sender.rr.TextDocument.columns(text=texts))
+            if entity not in self.layout.contents:
+                self.layout.contents.append(entity)
         batch.clear()
 
     def blueprint(self, follow_time: bool = False) -> Any:
@@ -124,8 +125,10 @@ class Writer:
         factor = self._factors.get(parts)
         values = series.values if factor is None else factor * series.values
         self._sender.send_numbers(entity, series.when, values)
-        if series.is_flag and not is_of_link(series.path):
-            self._track_flag(entity, series)
+        if series.is_flag and not is_of_link(series.path):  # plotted if it changes
+            first = self._flags.setdefault(entity, float(series.values[0]))
+            if entity not in self.layout.changed_flags and bool((series.values != first).any()):
+                self.layout.changed_flags.append(entity)
         if is_of_link(series.path) and not self._root:
             self._send_reports(parts[0], entity, series)
 
@@ -165,12 +168,6 @@ class Writer:
             return key in self._header.commands.get(node, ())
         return not (parts[-1] in NOT_PLOTTED or is_of_link(parts[2:]) or self.batch.is_copy(node, key))
 
-    def _track_flag(self, entity: str, series: Series) -> None:
-        """Note a flag that changes: then it is plotted."""
-        first = self._flags.setdefault(entity, float(series.values[0]))
-        if entity not in self.layout.changed_flags and bool((series.values != first).any()):
-            self.layout.changed_flags.append(entity)
-
     def _send_reports(self, node: str, entity: str, series: Series) -> None:
         """Send the quantities that a link reports, in separate plots."""
         for report in self._links.of(node, series):
@@ -208,9 +205,3 @@ class Writer:
         log = self._sender.entity(node)
         if log not in self.layout.logs:
             self.layout.logs.append(log)
-
-    def _send_contents(self, node: str, when: When, texts: list[str]) -> None:
-        entity = self._sender.entity(node, "contents")
-        self._sender.send(entity, when, self._sender.rr.TextDocument.columns(text=texts))
-        if entity not in self.layout.contents:
-            self.layout.contents.append(entity)

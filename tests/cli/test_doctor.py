@@ -175,7 +175,7 @@ def test_missing_physics_package_is_a_note_on_hardware_computers_only(
     def missing(*given: Any) -> Any:
         raise MissingExtraError("numpy", "sim")
 
-    monkeypatch.setattr("snr_sim.scenario.simulation.prepare", missing)
+    monkeypatch.setattr("snr_sim.cli.doctor.prepare", missing)
     assert (landing(True).tag, landing(False).tag) == ("note", "MISS")
     assert "numpy" in landing(True).message
 

@@ -41,7 +41,7 @@ def test_edits_are_written_beside_the_run(run: Path, capsys: pytest.CaptureFixtu
 def test_other_physics_end_with_status_1(
     run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("snr_sim.scenario.machine_edits.changes_again", lambda edits, first: "other")
+    monkeypatch.setattr("snr_sim.cli.machine_edits.changes_again", lambda edits, first: "other")
     with pytest.raises(typer.Exit):
         machine("edits", str(run), out=run / "e", trust=True)
     assert "its states change differently" in capsys.readouterr().out

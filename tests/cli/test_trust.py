@@ -208,29 +208,14 @@ def test_empty_answer_means_no() -> None:
     assert inspect.signature(trust.typer.confirm).parameters["default"].default is False
 
 
-def without_copies(run: Path, evil: Path) -> None:
+def without_copies(run: Path, path: str, **more: Any) -> None:
     shutil.rmtree(run / "sources")
-    edit(run, {"controller": str(evil)})
-
-
-def relative_path(run: Path, evil: Path) -> None:
-    shutil.rmtree(run / "sources")
-    edit(run, {"controller": os.path.relpath(evil)})
-
-
-def scenario_by_path(run: Path, evil: Path) -> None:
-    edit(run, {"scenario": str(evil)})
+    edit(run, {"controller": path, **more})
 
 
 def no_files_in_the_header(run: Path, evil: Path) -> None:
-    shutil.rmtree(run / "sources")
-    edit(run, {"controller": str(evil), "scenario": str(evil)}, sources={})
-
-
-def a_path_out_of_the_kit(run: Path, evil: Path) -> None:
-    kit = Path(__file__).parents[2] / "robots"
-    shutil.rmtree(run / "sources")
-    edit(run, {"controller": f"{kit}/{os.path.relpath(evil, kit)}"})
+    without_copies(run, str(evil), scenario=str(evil))
+    edit(run, sources={})
 
 
 def robot_by_path(run: Path, evil: Path) -> None:
@@ -239,15 +224,23 @@ def robot_by_path(run: Path, evil: Path) -> None:
     shutil.rmtree(run / "sources")
 
 
-@pytest.mark.parametrize(
-    "change",
-    [without_copies, relative_path, scenario_by_path, no_files_in_the_header, a_path_out_of_the_kit, robot_by_path],
-)
+ROBOTS = Path(__file__).parents[2] / "robots"
+PATHS: dict[str, Callable[[Path, Path], None]] = {
+    "without copies": lambda run, evil: without_copies(run, str(evil)),
+    "relative path": lambda run, evil: without_copies(run, os.path.relpath(evil)),
+    "scenario by path": lambda run, evil: edit(run, {"scenario": str(evil)}),
+    "no files in the header": no_files_in_the_header,
+    "a path out of the kit": lambda run, evil: without_copies(run, f"{ROBOTS}/{os.path.relpath(evil, ROBOTS)}"),
+    "robot by path": robot_by_path,
+}
+
+
+@pytest.mark.parametrize("how", PATHS)
 @pytest.mark.parametrize("verb", ["replay", "resim"])
 def test_path_in_trace_is_not_executed_without_confirmation(
-    snr: Snr, run: Path, evil: Path, marker: Path, change: Callable[[Path, Path], None], verb: str
+    snr: Snr, run: Path, evil: Path, marker: Path, how: str, verb: str
 ) -> None:
-    change(run, evil)
+    PATHS[how](run, evil)
     answer = snr(verb, run)
     assert answer.status == 2, answer.out
     assert "Nothing was executed" in answer.err
@@ -267,30 +260,14 @@ def first_copy(run: Path) -> Path:
     return run / "sources" / f"{table(run)[0]['sha256']}.py"
 
 
-def link_as_a_copy(run: Path) -> None:
-    copy = first_copy(run)
-    copy.rename(run / "real.py")
-    copy.symlink_to(run / "real.py")
-
-
-def link_as_the_folder(run: Path) -> None:
-    (run / "sources").rename(run / "real")
-    (run / "sources").symlink_to(run / "real")
-
-
-def link_as_the_table(run: Path) -> None:
-    (run / "sources" / "files.jsonl").rename(run / "real")
-    (run / "sources" / "files.jsonl").symlink_to(run / "real")
+def put_link(path: Path, real: Path) -> None:
+    path.rename(real)
+    path.symlink_to(real)
 
 
 def pipe_as_a_copy(run: Path) -> None:
-    copy = first_copy(run)
-    copy.unlink()
-    os.mkfifo(copy)
-
-
-def changed_copy(run: Path) -> None:
-    first_copy(run).write_text(first_copy(run).read_text() + "import os\n")
+    first_copy(run).unlink()
+    os.mkfifo(first_copy(run))
 
 
 def swapped_copies(run: Path) -> None:
@@ -298,22 +275,6 @@ def swapped_copies(run: Path) -> None:
     text = one.read_text()
     one.write_text(other.read_text())
     other.write_text(text)
-
-
-def missing_copy(run: Path) -> None:
-    first_copy(run).unlink()
-
-
-def huge_copy(run: Path) -> None:
-    os.truncate(first_copy(run), 1 << 40)
-
-
-def huge_table(run: Path) -> None:
-    os.truncate(run / "sources" / "files.jsonl", 1 << 40)
-
-
-def many_files(run: Path) -> None:
-    write_table(run, table(run)[:1] * 201)
 
 
 def changed_line(**fields: str) -> Callable[[Path], None]:
@@ -324,17 +285,17 @@ def changed_line(**fields: str) -> Callable[[Path], None]:
     return change
 
 
-DAMAGED = {
-    "link as a copy": link_as_a_copy,
-    "link as the folder": link_as_the_folder,
-    "link as the table": link_as_the_table,
+DAMAGED: dict[str, Callable[[Path], object]] = {
+    "link as a copy": lambda run: put_link(first_copy(run), run / "real.py"),
+    "link as the folder": lambda run: put_link(run / "sources", run / "real"),
+    "link as the table": lambda run: put_link(run / "sources" / "files.jsonl", run / "real"),
     "pipe as a copy": pipe_as_a_copy,
-    "changed copy": changed_copy,
+    "changed copy": lambda run: first_copy(run).write_text(first_copy(run).read_text() + "import os\n"),
     "swapped copies": swapped_copies,
-    "missing copy": missing_copy,
-    "huge copy": huge_copy,
-    "huge table": huge_table,
-    "many files": many_files,
+    "missing copy": lambda run: first_copy(run).unlink(),
+    "huge copy": lambda run: os.truncate(first_copy(run), 1 << 40),
+    "huge table": lambda run: os.truncate(run / "sources" / "files.jsonl", 1 << 40),
+    "many files": lambda run: write_table(run, table(run)[:1] * 201),
     "path with ..": changed_line(path="/tmp/../etc/evil.py"),
     "relative path": changed_line(path="mine.py"),
     "path that moves the cursor": changed_line(path="/tmp/\x1b[2Jmine.py"),

@@ -52,6 +52,15 @@ def grade(lab: Path, given: list[Path], out: Path, *words: object) -> subprocess
     return done
 
 
+def wait_until(is_so: Callable[[], object], process: subprocess.Popen[Any]) -> None:
+    """Wait for something that the process does."""
+    give_up_s = time.monotonic() + 240
+    while not is_so():
+        assert process.poll() is None
+        assert time.monotonic() < give_up_s
+        time.sleep(0.002)
+
+
 def table(out: Path) -> list[dict[str, str]]:
     with (out / "class.csv").open(newline="") as file:
         return list(csv.DictReader(file))
@@ -121,11 +130,7 @@ def test_killed_run_resumes_without_regrading(double_lab: Path, handed_in: Hande
     for count in (1, 3, 5):  # how many results there are when it is killed
         words = ["--jobs", "2", *(["--resume"] if out.exists() else [])]
         process = subprocess.Popen(command(double_lab, given, out, *words), stderr=subprocess.PIPE)
-        give_up_s = time.monotonic() + 240
-        while len(list(out.glob("results/*.json"))) < count:
-            assert process.poll() is None
-            assert time.monotonic() < give_up_s
-            time.sleep(0.002)
+        wait_until(lambda count=count: len(list(out.glob("results/*.json"))) >= count, process)
         os.kill(process.pid, signal.SIGKILL)
         process.communicate()  # its workers hold the pipe: it ends when they have
         assert not (out / "class.csv").exists()
@@ -149,11 +154,7 @@ def test_interrupted_run_prints_resume_hint_and_removes_private_files(
     environment = {**os.environ, "TMPDIR": str(private)}
     words = command(double_lab, handed_in(**{f"s{i}": "right" for i in range(9)}), out)
     process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=environment)
-    give_up_s = time.monotonic() + 240
-    while not list(out.glob("results/*.json")):
-        assert process.poll() is None
-        assert time.monotonic() < give_up_s
-        time.sleep(0.002)
+    wait_until(lambda: list(out.glob("results/*.json")), process)
     process.send_signal(signal.SIGTERM)
     stderr = process.communicate()[1]
     assert process.returncode == 128 + signal.SIGTERM
@@ -218,11 +219,7 @@ def test_stopped_scenario_run_leaves_no_recording_and_no_process(landing_lab: Pa
     )
     environment = {**os.environ, "TMPDIR": str(private)}
     process = subprocess.Popen(command(landing_lab, [given], tmp_path / "out"), env=environment)
-    give_up_s = time.monotonic() + 240
-    while not number.exists():
-        assert process.poll() is None
-        assert time.monotonic() < give_up_s
-        time.sleep(0.002)
+    wait_until(number.exists, process)
     program = os.pidfd_open(int(number.read_text()))
     process.send_signal(signal.SIGTERM)
     assert process.wait() == 128 + signal.SIGTERM

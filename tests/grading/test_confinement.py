@@ -155,7 +155,7 @@ with Student(folder, find_isolation(), allowed) as ada, Student(folder, find_iso
     reports["looks"] = ada.call("mine.py", "looks", json.loads(secret))
     reports["heavy"] = ada.call("mine.py", "heavy")
 reports["left"] = processes()
-launch.LABS = KIT / "plants"  # as if these were the labs of an installed kit
+launch.sandbox.LABS = KIT / "plants"  # as if these were the labs of an installed kit
 with Student(folder, find_isolation(), allowed) as eve:
     reports["labs"] = eve.call("mine.py", "looks", [f"{KIT}/plants/__init__.py", f"{KIT}/__init__.py"])
 print(json.dumps(reports))

@@ -27,9 +27,7 @@ _DAMAGES = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, Value
 def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
     """Yield each plain file by the parts of its path, open for reading; of a folder None in the file's place.
 
-    Args:
-        file: the archive.
-        notes: a note for each entry left out is added here.
+    Each entry left out adds a note.
 
     Raises:
         SubmissionRejectedError: it is not an archive, is damaged or malicious, or cannot be opened.
@@ -103,11 +101,7 @@ class _Bounded(io.BufferedReader):
     """The archive's bytes, never many at a time: so a list of a million contents is refused before it is read."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Return so many bytes.
-
-        Raises:
-            SubmissionRejectedError: they are more than any honest archive makes one read at once.
-        """
+        """Return so many bytes; raise SubmissionRejectedError if no honest archive makes one read as many."""
         requested = -1 if size is None else size  # the end of the archive is read without a size
         data = super().read(requested if 0 <= requested <= MAX_DIRECTORY_BYTES else MAX_DIRECTORY_BYTES + 1)
         if max(requested, len(data)) > MAX_DIRECTORY_BYTES:
@@ -117,11 +111,7 @@ class _Bounded(io.BufferedReader):
         return data
 
     def seek(self, target: int, whence: int = 0, /) -> int:  # plain: archaic
-        """Go to a position.
-
-        Raises:
-            ValueError: it lies before the beginning, as in a damaged archive.
-        """
+        """Go to a position; raise ValueError if it lies before the beginning, as in a damaged archive."""
         if whence == 0 and target < 0:
             raise ValueError("the position is before the start of the archive")
         return super().seek(target, whence)

@@ -38,6 +38,7 @@ from snr_sim.recording.atomic_files import sync_folder, write_atomic
 MIN_SECRET_BYTES = 16
 _PRIVATE_PREFIX = "snr_grade_"
 _REMOVE_TIMEOUT_S = 2.0
+_FIRST_FILES = {".lock", "secret", ".secret.part", ".class.json.part"}  # all of a run that was killed before it began
 _FINAL_FILES = ("class.csv", "cases.csv", "leaderboard.csv", "distribution.png")
 
 
@@ -66,11 +67,7 @@ _decode_saved = msgspec.json.Decoder(_SavedResult).decode
 
 
 class ClassFolder:
-    """A class's folder, opened to work in.
-
-    Args:
-        path: made if it is not there.
-        is_resumed: whether it may hold results already.
+    """A class's folder, made if it is not there, and opened to work in.
 
     Raises:
         SnrError: it holds results and is not resumed, another process works in it, or it cannot be written.
@@ -81,7 +78,7 @@ class ClassFolder:
         self._manifest: _Manifest | None = None
         try:
             path.mkdir(mode=0o700, parents=True, exist_ok=True)  # its tables contain hidden cases
-            if any(path.iterdir()) and not (path / "class.json").is_file() and not _only_ours(path):
+            if not (path / "class.json").is_file() and {entry.name for entry in path.iterdir()} - _FIRST_FILES:
                 raise SnrError(f"{path} contains files that are not results.", fix="name a new folder with --out.")
             if (path / "class.json").exists() and not is_resumed:
                 raise SnrError(
@@ -107,12 +104,8 @@ class ClassFolder:
     def _tidy_up(self) -> None:
         """Remove the files that a killed process has left."""
         left = Path(os.pread(self._lock, 4096, 0).decode(errors="replace"))
-        if (
-            left.name.startswith(_PRIVATE_PREFIX)
-            and left.is_absolute()
-            and left.is_dir()
-            and left.stat().st_uid == os.getuid()
-        ):
+        is_private = left.name.startswith(_PRIVATE_PREFIX) and left.is_absolute() and left.is_dir()
+        if is_private and left.stat().st_uid == os.getuid():
             remove(left)
         shutil.rmtree(self.path / ".staged", ignore_errors=True)
         for folder in (self.path, self.path / "results"):
@@ -158,11 +151,7 @@ class ClassFolder:
         return [Submission(name, Path(given)) for name, given in self._manifest.submissions] if self._manifest else []
 
     def secret(self, given: Path | None) -> tuple[bytes, bool]:
-        """Return the secret, and whether it was made just now.
-
-        Raises:
-            SnrError: it cannot be read, or is so short that it could be guessed.
-        """
+        """Return the secret, and whether it was made just now; errors as of `read_secret`."""
         path = given or self.path / "secret"
         is_made = given is None and not path.exists()
         if is_made:
@@ -170,11 +159,7 @@ class ClassFolder:
         return read_secret(path), is_made
 
     def begin(self, settings: ClassSettings, submissions: Sequence[Submission]) -> None:
-        """Store the job, and remove the files that the end of a run writes, as they will be out of date.
-
-        Raises:
-            SnrError: it was begun with other terms.
-        """
+        """Store the job, and remove the files of an earlier end; raise SnrError if it was begun with other terms."""
         if self._manifest is not None and self._manifest.settings != settings:
             before = msgspec.structs.asdict(self._manifest.settings)
             now = msgspec.structs.asdict(settings)
@@ -248,11 +233,7 @@ def new_secret() -> bytes:
 
 
 def read_secret(path: Path) -> bytes:
-    """Return the secret in a file.
-
-    Raises:
-        SnrError: it cannot be read, or is so short that it could be guessed.
-    """
+    """Return the secret in a file; raise SnrError if it cannot be read, or is so short that it could be guessed."""
     try:
         secret = path.read_bytes().strip()
     except OSError as error:
@@ -263,11 +244,6 @@ def read_secret(path: Path) -> bytes:
             fix="leave --secret out, and one is made; keep it for next time.",
         )
     return secret
-
-
-def _only_ours(path: Path) -> bool:
-    """Return whether the folder contains only the files of a run that was killed before it began."""
-    return {entry.name for entry in path.iterdir()} <= {".lock", "secret", ".secret.part", ".class.json.part"}
 
 
 def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:

@@ -25,13 +25,7 @@ from snr_sim.grading.batch.submissions import Submission
 from snr_sim.grading.batch.worker import Job, ungraded_result
 from snr_sim.grading.batch.workers import LocalWorkers
 from snr_sim.grading.lab.lab import Lab
-from snr_sim.grading.reports.class_reports import (
-    Summary,
-    draw_distribution,
-    write_cases,
-    write_class,
-    write_leaderboard,
-)
+from snr_sim.grading.reports import class_reports
 from snr_sim.grading.reports.results import Graded, RequestedIsolation, with_runs_named
 from snr_sim.grading.reports.student_reports import reports_of
 from snr_sim.prelude.errors import MissingExtraError
@@ -43,15 +37,9 @@ _MAX_WAIT_S = 1.0
 
 
 class ClassRun:
-    """Submissions in progress.
+    """Submissions in progress, into the folder of a class that was begun.
 
-    Args:
-        lab: its checks and cases.
-        folder: of the class, begun.
-        submissions: all of them, in order.
-        secret: from which hidden cases are drawn.
-        isolation: "required" or "none".
-        on_done: is called with each result, also with those that are there already.
+    `on_done` is called with each result, also with those that are there already.
     """
 
     def __init__(
@@ -77,14 +65,11 @@ class ClassRun:
         workers: LocalWorkers | ClusterWorkers,
         interruptible: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
-        """Grade all submissions.
+        """Grade all submissions; raise OSError if a result cannot be written, such as on a full disk.
 
         Args:
             workers: grade them; the caller closes them.
             interruptible: is entered while this only waits, and may raise there: `StopSignals.interruptible`.
-
-        Raises:
-            OSError: a result cannot be written, such as on a full disk.
         """
         in_progress: dict[Future[Any], tuple[Job, ImportedSubmission]] = {}
         while True:
@@ -133,22 +118,21 @@ class ClassRun:
         self._on_done(graded)
 
 
-def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:
+def write_class_files(folder: ClassFolder, title: str) -> tuple[class_reports.Summary, str]:
     """Write class.csv, cases.csv, leaderboard.csv if something is ranked, and distribution.png.
 
-    Returns:
-        the class in numbers, and why there is no picture, if there is none.
+    Return the class in numbers, and why there is no picture, if there is none.
     """
-    summary = Summary()
+    summary = class_reports.Summary()
     for graded in folder.every_result():
         summary.add(graded)
     given = {one.id: str(one.given) for one in folder.known}
-    _write(folder.path / "class.csv", lambda table: write_class(table, folder.every_result, given))
-    _write(folder.path / "cases.csv", lambda table: write_cases(table, folder.every_result()))
+    _write(folder.path / "class.csv", lambda table: class_reports.write_class(table, folder.every_result, given))
+    _write(folder.path / "cases.csv", lambda table: class_reports.write_cases(table, folder.every_result()))
     if summary.ranked:
-        _write(folder.path / "leaderboard.csv", lambda table: write_leaderboard(table, summary))
+        _write(folder.path / "leaderboard.csv", lambda table: class_reports.write_leaderboard(table, summary))
     try:
-        draw_distribution(summary, title, folder.path / "distribution.png")
+        class_reports.draw_distribution(summary, title, folder.path / "distribution.png")
     except (MissingExtraError, ImportError) as error:
         return summary, f"There is no picture of the distribution. {error}"
     return summary, ""

@@ -51,11 +51,7 @@ _decode_result = msgspec.msgpack.Decoder(ClusterResult).decode
 
 
 class ClusterWorkers:
-    """The workers of a cluster.
-
-    Args:
-        client: of dask.distributed, connected.
-    """
+    """The workers of a cluster, of which `client` is a connected one of dask.distributed."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -68,19 +64,16 @@ class ClusterWorkers:
 
     def submit(self, job: Job) -> Future[bytes]:
         """Send a submission to the cluster."""
-        lab, submission = _files_of(Path(job.lab).parent), _files_of(Path(job.folder))
-        future: Future[bytes] = self._executor.submit(
-            grade_cluster_job, msgspec.msgpack.encode(ClusterJob(job, __version__, lab, submission))
-        )
+        content = ClusterJob(job, __version__, _files_of(Path(job.lab).parent), _files_of(Path(job.folder)))
+        future: Future[bytes] = self._executor.submit(grade_cluster_job, msgspec.msgpack.encode(content))
         return future
 
     def result(self, future: Future[Any], job: Job) -> Graded:
         """Return the result of a future; recorded runs are written to the job's folder."""
         error = future.exception()
         if error is not None:
-            return ungraded_result(
-                job, "grader_error", f"The cluster could not grade it: {type(error).__name__}: {error}"
-            )
+            words = f"The cluster could not grade it: {type(error).__name__}: {error}"
+            return ungraded_result(job, "grader_error", words)
         returned = _decode_result(future.result())
         _write(Path(job.runs), returned.runs)
         return decode_graded(returned.graded)
@@ -88,10 +81,7 @@ class ClusterWorkers:
 
 @contextmanager
 def connected(address: str) -> Iterator[ClusterWorkers]:
-    """Yield the workers of a cluster.
-
-    Args:
-        address: of a dask scheduler, such as tcp://127.0.0.1:8786.
+    """Yield the workers of the cluster of a dask scheduler's address, such as tcp://127.0.0.1:8786.
 
     Raises:
         MissingExtraError: dask.distributed is not installed.
@@ -152,9 +142,8 @@ def grade_cluster_job(cluster_job: bytes) -> bytes:
         _write(lab, content.lab)
         (place / "submission").mkdir()
         _write(place / "submission", content.submission)
-        job = msgspec.structs.replace(
-            content.job, lab=str(lab / "checks.py"), folder=str(place / "submission"), runs=str(runs)
-        )
+        paths = {"lab": str(lab / "checks.py"), "folder": str(place / "submission"), "runs": str(runs)}
+        job = msgspec.structs.replace(content.job, **paths)
         with closing(WorkerProcess(set())) as worker:  # a crash there is not the cluster's
             return _encode_result(worker.grade(job), runs)
     finally:

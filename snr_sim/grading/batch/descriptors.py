@@ -20,14 +20,9 @@ _FILE = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 @contextmanager
 def open_folder(name: str | Path, inside: int | None = None) -> Iterator[int]:
-    """Yield the descriptor of a folder.
+    """Yield the descriptor of a folder; raise OSError if it is not one, or cannot be read.
 
-    Args:
-        name: a path that the caller trusts; with `inside`, a single name, which may not be a link.
-        inside: descriptor of the folder that it is in.
-
-    Raises:
-        OSError: it is not a folder, or cannot be read.
+    `name` is a path that the caller trusts; with the descriptor of a folder `inside`, a single name in it, no link.
     """
     descriptor = os.open(name, _FOLDER if inside is None else _FOLDER | os.O_NOFOLLOW, dir_fd=inside)
     try:
@@ -38,11 +33,7 @@ def open_folder(name: str | Path, inside: int | None = None) -> Iterator[int]:
 
 @contextmanager
 def open_file(name: str | Path, inside: int | None = None) -> Iterator[BinaryIO]:
-    """Yield a plain file, open for reading; names as for `open_folder`.
-
-    Raises:
-        OSError: it is not a plain file, or cannot be read.
-    """
+    """Yield a plain file, open for reading, named as for `open_folder`; raise OSError if there is none to read."""
     flags = _FILE if inside is not None else _FILE & ~os.O_NOFOLLOW
     with open(os.open(name, flags, dir_fd=inside), "rb") as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -52,11 +43,7 @@ def open_file(name: str | Path, inside: int | None = None) -> Iterator[BinaryIO]
 
 @contextmanager
 def create_file(parts: tuple[str, ...], inside: int) -> Iterator[BinaryIO]:
-    """Yield a new file, open for writing; its parent folders are created.
-
-    Args:
-        parts: of its path, as from `parts_of`.
-        inside: descriptor of the folder under which it is made.
+    """Yield a new file under the folder of a descriptor, open for writing; its parent folders are created.
 
     Raises:
         FileExistsError: it is there already.

@@ -71,13 +71,9 @@ cd "$root"
 
 
 def write_container(lab: Lab, secret: bytes, isolation: RequestedIsolation, out: Path) -> None:
-    """Write the files that Gradescope needs.
+    """Write the files that Gradescope needs into a new folder.
 
-    Args:
-        lab: its checks and cases.
-        secret: from which hidden cases are drawn.
-        isolation: "required", or "none" to try it where programs cannot be isolated.
-        out: a new folder.
+    Isolation is "required", or "none" to try it where programs cannot be isolated.
 
     Raises:
         SnrError: there is something in the folder already, or it cannot be written.
@@ -91,9 +87,8 @@ def write_container(lab: Lab, secret: bytes, isolation: RequestedIsolation, out:
         shutil.copytree(_KIT, kit, ignore=_SKIPPED)
         for kind in ("robots", "scenarios"):
             shipped = _KIT / "shipped" / kind
-            shutil.copytree(
-                shipped if shipped.is_dir() else _KIT.parent / kind, kit / "shipped" / kind, ignore=_SKIPPED
-            )
+            content = shipped if shipped.is_dir() else _KIT.parent / kind
+            shutil.copytree(content, kit / "shipped" / kind, ignore=_SKIPPED)
         shutil.copytree(lab.folder, kit / "shipped" / "assignments" / lab.name, ignore=_SKIPPED)
         write_atomic(out / "secret", secret + b"\n", mode=0o600)
         write_atomic(out / "settings.json", json.dumps({"lab": lab.name, "isolation": isolation}).encode() + b"\n")
@@ -116,11 +111,7 @@ def requirements() -> list[str]:
 
 
 def grade_in_container(root: Path) -> Graded:
-    """Grade the submission in a container, and write its results.json.
-
-    Args:
-        root: /autograder, or where a test has it.
-    """
+    """Grade the submission in a container, and write its results.json; `root` is /autograder in Gradescope."""
     source = root / "source"
     settings = json.loads((source / "settings.json").read_text())
     checks = _KIT / "shipped" / "assignments" / settings["lab"] / "checks.py"

@@ -92,7 +92,8 @@ class TakenNames:
         """
         for count in range(1, len(parts) + 1):
             name, is_file = "/".join(parts[:count]), count == len(parts)
-            key = _key(name)
+            # The form of a name that macOS and Windows compare.
+            key = unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
             if key not in self._taken:
                 self._taken[key] = name, is_file
                 continue
@@ -105,8 +106,3 @@ class TakenNames:
                 f"Your submission has '{shown(taken)}' and '{shown(name)}', which are the same name on many computers.",
                 fix="rename one of them.",
             )
-
-
-def _key(name: str) -> str:
-    """Return the form of a name that macOS and Windows compare."""
-    return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())

@@ -47,8 +47,7 @@ class StopSignals:
     def interruptible(self) -> Iterator[None]:
         """Handle the signal that was deferred, or the first that arrives while this is entered.
 
-        Raises:
-            KeyboardInterrupt: by Python's own handler of SIGINT, and by that of `snr`.
+        Python's own handler of SIGINT, and that of `snr`, raise KeyboardInterrupt.
         """
         try:
             self._is_interruptible = True  # before the check, so that no signal falls between the two

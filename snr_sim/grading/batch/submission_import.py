@@ -49,15 +49,10 @@ class ImportedSubmission:
 
 
 def import_submission(given: Path, required: Sequence[str], into: Path) -> ImportedSubmission:
-    """Copy a submission to `into`, which must not be there yet.
-
-    Args:
-        given: a folder or a zip archive.
-        required: the lab's files, by name.
-        into: becomes a folder of plain files, all read-only.
+    """Copy a submission, a folder or a zip archive, to `into`, which must not be there yet: plain files, all read-only.
 
     Raises:
-        SubmissionRejectedError: nothing in it can be graded; the message gives the student the reason.
+        SubmissionRejectedError: none of the required files is in it; the message gives the student the reason.
     """
     notes: list[str] = []
     into.mkdir(mode=0o755)
@@ -70,9 +65,8 @@ def import_submission(given: Path, required: Sequence[str], into: Path) -> Impor
         missing = [name for name in required if not (top / name).is_file()]
         messages = [_missing(name, into, top) for name in missing]
         if len(missing) == len(required):
-            raise SubmissionRejectedError(
-                " ".join([*messages, *notes[:_MAX_NOTES]]), fix=f"hand in {_listed(required)}."
-            )
+            what = " ".join([*messages, *notes[:_MAX_NOTES]])
+            raise SubmissionRejectedError(what, fix=f"hand in {_listed(required)}.")
         if top != into:
             _move_up(top, into)
         _make_read_only(into)
@@ -114,11 +108,7 @@ def _archive_alone_in(folder: int, required: Sequence[str]) -> str | None:
 
 
 def _entries(folder: int) -> list[os.DirEntry[str]]:
-    """Return the entries of a folder, in order.
-
-    Raises:
-        SubmissionRejectedError: that is too much.
-    """
+    """Return the entries of a folder, in order; raise SubmissionRejectedError if that is too much."""
     with os.scandir(folder) as found:
         entries = sorted(islice(found, _MAX_ENTRIES + 1), key=lambda one: one.name)
     if len(entries) > _MAX_ENTRIES:
@@ -129,10 +119,7 @@ def _entries(folder: int) -> list[os.DirEntry[str]]:
 def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]:
     """Yield the plain files under a folder, each open; its folders after its files.
 
-    Args:
-        folder: its descriptor. Nothing is opened by a path: a folder on it may have become a link meanwhile.
-        inside: its name in the submission.
-        notes: a note for each entry left out is added here.
+    Nothing is opened by a path: a folder on it may have become a link meanwhile. `inside` is its name for the notes.
     """
     folders = []
     for entry in _entries(folder):
@@ -184,9 +171,8 @@ def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
             while data := source.read(_CHUNK_BYTES):
                 left -= len(data)
                 if left < 0:
-                    raise SubmissionRejectedError(
-                        f"Your submission is larger than {MAX_BYTES // 2**20} MB.", fix=_ONLY_REQUIRED_FILES
-                    )
+                    what = f"Your submission is larger than {MAX_BYTES // 2**20} MB."
+                    raise SubmissionRejectedError(what, fix=_ONLY_REQUIRED_FILES)
                 copy.write(data)
         count += 1
     return count

@@ -59,7 +59,10 @@ def _need_submission(path: Path, required_files: Sequence[str]) -> None:
     if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
         raise SnrError(f"'{path}' is neither a folder nor a file.", fix="give folders and .zip files by path.")
     if stat.S_ISDIR(mode):
-        inside = _inside(path)
+        try:
+            inside = sorted(one for one in path.iterdir() if not is_ignored(one.name))
+        except OSError as error:
+            raise SnrError(f"'{path}' cannot be read: {error.strerror}.", fix="check its permissions.") from error
         many = [one.name for one in inside if one.is_dir() or one.name.lower().endswith(".zip")]
         is_students = any((path / name).is_file() for name in required_files)
         if len(many) > 1 and (len(many) == len(inside) or (required_files and not is_students)):
@@ -67,14 +70,6 @@ def _need_submission(path: Path, required_files: Sequence[str]) -> None:
                 f"'{path}' is not a submission, but holds {len(many)}: {many[0]}, {many[1]}, ...",
                 fix=f"give what is in it: {path}/*.",
             )
-
-
-def _inside(folder: Path) -> list[Path]:
-    """Return the entries of a folder, without litter, in order."""
-    try:
-        return sorted(path for path in folder.iterdir() if not is_ignored(path.name))
-    except OSError as error:
-        raise SnrError(f"'{folder}' cannot be read: {error.strerror}.", fix="check its permissions.") from error
 
 
 def _safe_name(path: Path) -> str:

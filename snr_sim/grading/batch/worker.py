@@ -86,25 +86,17 @@ def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
 
 
 def grade(job: Job, fork_server: ForkServer | None = None) -> Graded:
-    """Grade a job's submission; a failure that is not the student's is returned as a fault.
-
-    Args:
-        job: the submission.
-        fork_server: fork server of the class, if there is one.
-    """
+    """Grade a job's submission; a failure that is not the student's is returned as a fault."""
     title = ""
     try:
         lab = _lab(job.lab)
-        title = lab.title
-        runs = Path(job.runs)
-        graded = grade_submission(
-            lab, Path(job.folder), job.secret, job.isolation, name=job.name, out=runs, fork_server=fork_server
+        title, folder, runs = lab.title, Path(job.folder), Path(job.runs)
+        return grade_submission(
+            lab, folder, job.secret, job.isolation, name=job.name, out=runs, fork_server=fork_server
         )
     except Exception as error:
-        return ungraded_result(
-            job, "grader_error", describe_error(error, f"while the submission '{job.name}' was graded"), title
-        )
-    return graded
+        what = describe_error(error, f"while the submission '{job.name}' was graded")
+        return ungraded_result(job, "grader_error", what, title)
 
 
 @cache
@@ -115,11 +107,7 @@ def _lab(path: str) -> Lab:
 def ungraded_result(job: Job, status: Status, error: str, title: str = "") -> Graded:
     """Return the result of a submission that was not run, with the isolation that its program would have had.
 
-    Args:
-        job: of the submission.
-        status: "rejected" if the submission is the cause, "grader_error" if the grader is.
-        error: why.
-        title: of the lab, if it is known.
+    `status` is "rejected" if the submission is the cause, "grader_error" if the grader is.
     """
     name = Path(job.lab).parent.name
     return Graded(

@@ -69,9 +69,8 @@ class WorkerProcess:
                 reason = "It took too long, and its worker was ended."
                 break
             reason = f"Its worker {describe_exit(answer)}."
-        return ungraded_result(
-            job, "grader_error", f"{reason} That is a failure of the grader or of the lab; see what it printed."
-        )
+        words = f"{reason} That is a failure of the grader or of the lab; see what it printed."
+        return ungraded_result(job, "grader_error", words)
 
     def close(self) -> None:
         """End the process; a submission being graded has no result."""
@@ -120,12 +119,7 @@ class WorkerProcess:
 
 
 class LocalWorkers:
-    """So many worker processes, and a thread for each that waits for it; use `with`.
-
-    Args:
-        jobs: how many at a time.
-        limit_s, target: of each, as for `WorkerProcess`.
-    """
+    """So many worker processes, and a thread for each that waits for it; use `with`. Arguments: `WorkerProcess`."""
 
     def __init__(self, jobs: int, limit_s: float = TIMEOUT_S, target: str = _WORKER) -> None:
         self._workers = [WorkerProcess(cores, limit_s, target) for cores in _cores_of(jobs)]

@@ -23,11 +23,7 @@ Kind = TypeVar("Kind", float, str, bool, list[float])
 
 
 def require_page(page: Any, key: str) -> dict[str, Any]:
-    """Return a page's data, which must be a dict.
-
-    Raises:
-        SubmissionError: it is not a dict.
-    """
+    """Return a page's data, which must be a dict; raise SubmissionError if it is not a dict."""
     if isinstance(page, dict):
         return page
     hint = f"The page '{key}' is not a dict. Store a dict in it, with the fields that the README names."
@@ -35,12 +31,9 @@ def require_page(page: Any, key: str) -> dict[str, Any]:
 
 
 def require_field(page: Any, key: str, name: str, kind: type[Kind], count: int | None = None) -> Kind:
-    """Return a field of a page.
+    """Return a field of the data of the page that was stored under a key.
 
     Args:
-        page: its data.
-        key: under which it was stored.
-        name: of the field.
         kind: `float` (a whole number will do), `str`, `bool` or `list[float]` (a tuple or an array will do).
         count: how many are in a list; any number if not given.
 
@@ -57,7 +50,8 @@ def require_field(page: Any, key: str, name: str, kind: type[Kind], count: int |
         if type(found) is not kind:
             raise _page_error(found, f"'{name}' of the page '{key}' is not {expected}.", expected)
         return found
-    numbers = [found] if kind is float else _as_list(found)
+    listed = found.tolist() if _kind_of_numpy(found) == "ndarray" else found
+    numbers = [found] if kind is float else list(listed) if isinstance(listed, (list, tuple)) else None
     if any(_kind_of_numpy(number) not in ("", "ndarray") and not _is_number(number) for number in numbers or ()):
         hint = f"'{name}' of the page '{key}' holds a number of numpy's, not of Python's: write float(...) around it."
         raise _page_error(found, hint, expected)
@@ -70,12 +64,6 @@ def require_field(page: Any, key: str, name: str, kind: type[Kind], count: int |
         )
         raise _page_error(found, hint, expected)
     return cast(Kind, numbers[0] if kind is float else numbers)
-
-
-def _as_list(found: Any) -> list[Any] | None:
-    if _kind_of_numpy(found) == "ndarray":
-        found = found.tolist()
-    return list(found) if isinstance(found, (list, tuple)) else None
 
 
 def _kind_of_numpy(value: Any) -> str:

@@ -105,11 +105,7 @@ class Check:
         return (inspect.getdoc(self.function) or self.name).partition("\n")[0]
 
     def cases(self, lab: str, secret: bytes | None) -> list[Case]:
-        """Return the cases, visible ones first; without a secret only those.
-
-        Raises:
-            GraderError: drawing them failed.
-        """
+        """Return the cases, visible ones first, without a secret only those; raise GraderError if drawing failed."""
         name = next(iter([*inspect.signature(self.function).parameters][1:]), "")
         found = [Case(value, True, name) for value in self.visible]
         if self.hidden is None:
@@ -122,9 +118,8 @@ class Check:
             what = f"while hidden cases were drawn for the check '{self.name}'"
             raise GraderError(describe_error(error, what)) from error
         if not found + drawn:
-            raise GraderError(
-                f"The check '{self.name}' has no case.", fix="give it visible cases, or draw hidden ones."
-            )
+            fix = "give it visible cases, or draw hidden ones."
+            raise GraderError(f"The check '{self.name}' has no case.", fix=fix)
         return found + drawn
 
     def evaluate(self, student: Student, case: Case) -> CheckVerdict:
@@ -202,10 +197,8 @@ class Lab:
         for one in checks:
             for need in one.needs:
                 if need not in before:
-                    raise GraderError(
-                        f"The check '{one.name}' needs '{need}', which does not come before it.",
-                        fix=suggest(need, before),
-                    )
+                    what = f"The check '{one.name}' needs '{need}', which does not come before it."
+                    raise GraderError(what, fix=suggest(need, before))
             if one.name in before:
                 raise GraderError(f"Two checks are called '{one.name}'.", fix="give each a name of its own.")
             before.append(one.name)
@@ -217,11 +210,7 @@ class Lab:
                 )
 
     def module(self, name: str) -> ModuleType:
-        """Import a module of the lab's own folder, next to its checks.
-
-        Args:
-            name: such as "grader.pilot" for `grader/pilot.py`.
-        """
+        """Import a module of the lab's own folder, next to its checks: "grader.pilot" is `grader/pilot.py`."""
         return importlib.import_module(f"{LAB_MODULE}{self.name}.{name}")
 
 
@@ -242,8 +231,7 @@ def find_lab(name: str) -> Lab:
 def load_lab(path: Path) -> Lab:
     """Read the checks of a lab from its checks.py, which may import modules of its folder: `from .grader import ...`.
 
-    Raises:
-        GraderError: they cannot be read.
+    GraderError is raised if they cannot be read.
     """
     folder = path.resolve().parent
     name = folder.name

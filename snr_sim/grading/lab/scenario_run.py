@@ -33,13 +33,7 @@ from snr_sim.scenario.simulation_run import RunResult, SimulationRun
 
 
 class ScenarioRun:
-    """A completed run.
-
-    Args:
-        result: of the run.
-        trace: the recorded trace.
-        folder: where that is kept; None if it is not.
-    """
+    """A completed run with its recorded trace, and the folder where that is kept, if it is."""
 
     def __init__(self, result: RunResult, trace: Trace, folder: Path | None) -> None:
         self.success: bool = result.success
@@ -81,9 +75,7 @@ def run_scenario(
     """Run the scenario; the result is the same, to the last bit, as that of `snr run` with the same file.
 
     Args:
-        student: the submission.
-        scenario, seed, options, io: as for `snr run`.
-        controller: file of the submission.
+        controller: file of the submission; scenario, seed, options and io are as for `snr run`.
         may_fail: whether a run that the student's program ended, by itself or with an error, is returned, too.
         inputs: tasks that come from outside meanwhile, to every node, such as an edit of a state machine.
 
@@ -116,11 +108,7 @@ def run_scenario(
 
 
 def _prepared(request: Request, remote: Remote, robot: library.FoundItem) -> tuple[Simulation, Plant, Config]:
-    """Prepare the run: read the student's file and create its components.
-
-    Raises:
-        SubmissionError: the student's program failed.
-    """
+    """Prepare the run: read the student's file, create its components; raise SubmissionError if these fail."""
     try:
         path = Path(str(request.controller))
         module = remote.controller(path, [(robot.name, robot.path)])
@@ -140,11 +128,7 @@ def _prepared(request: Request, remote: Remote, robot: library.FoundItem) -> tup
 
 
 def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) -> None:
-    """Check the student's ROLES, and its OPTIONS against the requested options.
-
-    Raises:
-        SubmissionError: they have another form, or an option is missing.
-    """
+    """Check the student's ROLES, and OPTIONS against the requested ones; raise SubmissionError if they are wrong."""
     try:
         roles = controlled_roles(module, base.robot_file)
         check_options(options, base.robot_file, module)
@@ -216,11 +200,7 @@ def _check_run(run: ScenarioRun, remote: Remote, may_fail: bool) -> ScenarioRun:
 
 
 def _robot_of(scenario: str) -> library.FoundItem:
-    """Return the robot of a scenario.
-
-    Raises:
-        GraderError: there is none.
-    """
+    """Return the robot of a scenario; raise GraderError if there is none."""
     try:
         return library.find("robots", library.robot_of_scenario(library.find("scenarios", scenario)))
     except SnrError as error:

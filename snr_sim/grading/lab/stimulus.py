@@ -85,7 +85,6 @@ def run_inputs(
     """Return what the student's components produced from the inputs, in order.
 
     Args:
-        student: the submission.
         file: of the submission, which has `factories`.
         pages: the inputs.
         robot: argument of `factories`, or the robot's name in it.
@@ -139,9 +138,8 @@ def _run_node(
     except (SubmissionError, GraderError):
         raise
     except SnrError as error:
-        if remote.submission_error is not None:
-            raise remote.submission_error from error
-        raise SubmissionError(str(error), "Your program raised an error: look at the line named.") from error
+        hint = "Your program raised an error: look at the line named."
+        raise remote.submission_error or SubmissionError(str(error), hint) from error
     if remote.submission_error is not None:
         raise remote.submission_error
     if len(output_log.delivered) < len(pages) and node.exit_reason not in (TIME_LIMIT, NO_MORE_EVENTS):
@@ -164,8 +162,7 @@ def _deliver(stimulus: Stimulus, number: int, node: Node, output_log: OutputLog)
 class OutputLog:
     """Recorder of what the student's components produce, and which input caused it. Implements `Recorder`.
 
-    Args:
-        names: of the student's components, known once they are made.
+    `names` are those of the student's components, known once they are made.
     """
 
     def __init__(self, names: set[str]) -> None:

@@ -48,8 +48,6 @@ class Student(Submission):
         Several calls in one case use the same process, so the file's module state persists.
 
         Args:
-            file: of the submission.
-            function: its name.
             args: numbers, texts, lists, tuples, dicts, arrays.
             returns: required type of the result, such as `float`, `list[float]` or `dict[str, int]`.
             finite: whether nan and inf are refused.
@@ -70,10 +68,9 @@ class Student(Submission):
         For frequent, short exchanges: the object loops there, over many observations in one message.
 
         Args:
-            file: of the submission; the class gets it as a module, first.
+            file: of the submission; the class gets it as a module, first, and `args` after it.
             kind: a class of snr_sim, or of a module in the lab's folder. That module is sent to the process, where the
                 student can read it; it imports nothing else of the lab.
-            args: further values for the class.
             budget_s: CPU time it may take.
 
         Raises:
@@ -122,11 +119,7 @@ class Student(Submission):
         return self._child
 
     def close(self) -> None:
-        """End the process of this case's calls.
-
-        Raises:
-            SubmissionError: it had printed too much.
-        """
+        """End the process of this case's calls; raise SubmissionError if it had printed too much."""
         if self._child is not None:
             child, self._child = self._child, None
             self.close_child(child)
@@ -145,10 +138,7 @@ class RemoteObject:
     ) -> Any:
         """Call a method of the object; answer and errors as for `Student.call`.
 
-        Args:
-            method: its name.
-            args: finite numbers, texts, lists, dicts: encoded without further checks, and tuples become lists.
-            returns, finite, budget_s: as for `Student.call`.
+        `args` are finite numbers, texts, lists, dicts: encoded without further checks, and tuples become lists.
         """
         verb = protocol.AskObject(self._number, method, msgspec.Raw(protocol.encode(args)))
         return checked(f"{self._file}: {method}(...)", self._child.ask(verb, budget_s).result(), returns, finite)

@@ -21,8 +21,6 @@ class Submission:
     """A student's files, for one case.
 
     Args:
-        folder: of the submission.
-        isolation: "sandbox", "confined", or "none".
         may_import: modules that are refused otherwise.
         limits: of each of its processes.
         record_to: folder for runs that the student may see; not recorded if not given.
@@ -53,14 +51,9 @@ class Submission:
         self._printed: list[str] = []
 
     def source(self, file: str, max_bytes: int = MAX_SOURCE_BYTES) -> str:
-        """Return the text of a submitted file.
+        """Return the text of a submitted file; raise SubmissionError if it is missing, too long, or not text.
 
-        Args:
-            file: of the submission.
-            max_bytes: limit of its size. A text that the check parses is short (`MAX_PARSED_BYTES`); or see `parse`.
-
-        Raises:
-            SubmissionError: it is missing, too long, or not text.
+        A text that the check parses is short: `max_bytes` is `MAX_PARSED_BYTES` then; or see `parse`.
         """
         path = self._path(file)
         try:
@@ -83,10 +76,7 @@ class Submission:
     def parse(self, file: str, parser: Callable[[bytes], Any], max_bytes: int = MAX_PARSED_BYTES) -> Any:
         """Return the result of a parser for a submitted file, in a process that runs nothing of the submission.
 
-        Args:
-            file: of the submission.
-            parser: of snr_sim or the lab (see `create_object`); it gets the bytes, and returns values as for `call`.
-            max_bytes: limit of the file's size.
+        The parser is of snr_sim or the lab (see `create_object`); it gets the bytes, and returns values as for `call`.
 
         Raises:
             SubmissionError: the file is missing, too long, or not valid for the parser.
@@ -103,8 +93,7 @@ class Submission:
     def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
         """Return a process of its own, which has not read the submission yet; `close_child` ends it.
 
-        Raises:
-            SubmissionError: the file is missing, or imports a refused module.
+        SubmissionError is raised if the file is missing, or imports a refused module.
         """
         self.source(file)
         child = self._begin(readable)

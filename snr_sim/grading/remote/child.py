@@ -20,16 +20,7 @@ import msgspec
 from snr_sim.core.source_location import describe_error, location_of, prepend_location
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import UnsendableValueError, encode_plain, short
-from snr_sim.grading.sandbox.child_limits import (
-    CpuTimeExceeded,
-    drop_privileges,
-    end_with_parent,
-    forbid_threads,
-    install_timer_handler,
-    limit,
-    limit_cpu_time,
-    start_timer,
-)
+from snr_sim.grading.sandbox import child_limits
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
@@ -45,13 +36,8 @@ class Child:
     def __init__(self) -> None:
         self._modules: dict[str, ModuleType] = {}
         self._hosts: list[Any] = []
-        self.verbs: dict[str, Callable[[Any], bytes]] = {
-            "hello": lambda do: b"%d" % os.getuid() if hasattr(os, "getuid") else b"0",
-            "call": self.call,
-            "host": self.host,
-            "ask": self.ask,
-            "parse": self.parse,
-        }
+        verbs = (self.hello, self.call, self.host, self.ask, self.parse)
+        self.verbs: dict[str, Callable[[Any], bytes]] = {verb.__name__: verb for verb in verbs}
         self.step: str = ""  # the verb, or "load" while a file is read
 
     def module(self, file: str) -> ModuleType:
@@ -62,6 +48,10 @@ class Child:
             module = self._modules[file] = library.load_program(file)
             self.step = before
         return module
+
+    def hello(self, do: protocol.Hello) -> bytes:
+        """Return which user's this process is."""
+        return b"%d" % os.getuid() if hasattr(os, "getuid") else b"0"
 
     def call(self, do: protocol.Call) -> bytes:
         """Call a function; return its result."""
@@ -101,11 +91,7 @@ def _called(what: str, function: Callable[..., Any], values: list[Any]) -> Any:
 
 
 def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
-    """Return a function of the student's.
-
-    Raises:
-        SnrError: there is none of that name.
-    """
+    """Return a function of the student's; raise SnrError if there is none of that name."""
     function = getattr(module, name, None)
     file = Path(str(module.__file__)).name
     if function is None:
@@ -137,22 +123,22 @@ def main(
     """
     asks, answers = _line_of_pipes() if line == protocol.PIPES else _line_of_socket(line)
     if user is not None:
-        drop_privileges(user)
+        child_limits.drop_privileges(user)
     if confinement is not None:
         from snr_sim.grading.sandbox.confinement import confine  # here and below: not needed without isolation
 
         confine(answers, *confinement)
     elif line != protocol.PIPES and not is_alone:  # bubblewrap does the same for a sandbox
-        end_with_parent()  # a worker that is killed cannot end its program, which may be in a loop without an end
-    limit(limits, is_alone)
-    start_timer()
+        child_limits.end_with_parent()  # a worker that is killed cannot end its program, which may never end
+    child_limits.limit(limits, is_alone)
+    child_limits.start_timer()
     if is_alone:  # the last wall, behind which no limit needs to be set any more
         from snr_sim.grading.sandbox import seccomp
 
         seccomp.install(seccomp.system_call_filter(seccomp.current_machine(), os.getpid()))
     _printed.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
-    forbid_threads()
-    install_timer_handler()
+    child_limits.forbid_threads()
+    child_limits.install_timer_handler()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     child = Child()
     for asked in _lines(asks):
@@ -184,14 +170,14 @@ def _answer(child: Child, asked: bytes) -> bytes:
     name = str(ask.verb.__struct_config__.tag)
     child.step = name
     try:
-        limit_cpu_time(ask.cpu_s)
+        child_limits.limit_cpu_time(ask.cpu_s)
         try:
             verb = child.verbs.get(name) or node_verbs(child)[name]
             value = verb(ask.verb)
         finally:
-            limit_cpu_time(0.0)
+            child_limits.limit_cpu_time(0.0)
     except BaseException as error:
-        install_timer_handler()
+        child_limits.install_timer_handler()
         return protocol.encode(protocol.CallResponse(ask.n, error=_failure(child, name, error)))
     return b'{"n":%d,"value":%b}' % (ask.n, value)
 
@@ -208,7 +194,7 @@ def _failure(child: Child, do: str, error: BaseException) -> protocol.RemoteFail
     if isinstance(error, UnsendableValueError):
         return protocol.RemoteFailure(child.step, _text(str(error.args[0])), is_value=True)
     while_what = f"while it was asked to {do}" if do not in ("ask", "call") else "while the lab tried your file"
-    if isinstance(error, CpuTimeExceeded):
+    if isinstance(error, child_limits.CpuTimeExceeded):
         return protocol.RemoteFailure("slow", _text(describe_error(error, while_what).replace("CpuTimeExceeded: ", "")))
     if isinstance(error, SnrError):
         prepend_location(error)
@@ -223,10 +209,7 @@ def _text(text: str) -> str:
 
 def _lines(fd: int) -> Any:
     rest = b""
-    while True:
-        data = os.read(fd, _CHUNK)
-        if not data:
-            return
+    while data := os.read(fd, _CHUNK):
         rest = rest + data if rest else data
         if rest[-1] == _NEWLINE:  # the grader asks one thing at a time
             line, rest = rest, b""
@@ -237,7 +220,5 @@ def _send(fd: int, line: bytes) -> None:
     with suppress(OSError, ValueError):  # it is the student's to close
         _printed.flush()
     line += b"\n"
-    sent = os.write(fd, line)
-    while sent < len(line):
-        line = line[sent:]
-        sent = os.write(fd, line)
+    while line := line[os.write(fd, line) :]:
+        pass

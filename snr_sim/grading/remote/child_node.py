@@ -11,6 +11,7 @@ import pickle
 import sys
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import dropwhile
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -102,11 +103,7 @@ class TypedPages:
 
 
 class ChildNode(Node):
-    """Node whose steps are requested one by one.
-
-    Args:
-        role, component_seed: of the grader's node that it represents.
-    """
+    """Node whose steps are requested one by one; of the role and the component seed of the grader's node."""
 
     def __init__(self, role: str, component_seed: int) -> None:
         self._external_clock = ExternalClock()
@@ -139,20 +136,19 @@ class ChildNode(Node):
         self.registry.add(component, len(self.components))
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
-        made = protocol.ComponentInfo(component.name, list(self.handlers_of(component)), steps)
+        details: dict[str, Any] = {}
         if isinstance(component, Endpoint):
-            made = msgspec.structs.replace(made, optional_events=[str(name) for name in component.optional_events])
+            details = {"optional_events": [str(name) for name in component.optional_events]}
         if isinstance(component, Loop):
             component.begin_with(ExternalExecutor(component, self.life))
-            made = msgspec.structs.replace(
-                made,
-                rate_hz=float(component.max_tick_rate_hz),
-                first_s=float(component.first_tick_after_s),
-                wakes_on=[str(key) for key in component.wakes_on],
-                next_s=component.next_tick_at_s,
-                repeats=repeated_event(component),
-            )
-        return made
+            details = {
+                "rate_hz": float(component.max_tick_rate_hz),
+                "first_s": float(component.first_tick_after_s),
+                "wakes_on": [str(key) for key in component.wakes_on],
+                "next_s": component.next_tick_at_s,
+                "repeats": repeated_event(component),
+            }
+        return protocol.ComponentInfo(component.name, list(self.handlers_of(component)), steps, **details)
 
     @staticmethod
     def handlers_of(component: Component) -> Any:
@@ -182,36 +178,27 @@ class ChildNode(Node):
     def handle(self, do: protocol.Handle) -> protocol.HandleResult:
         """Call each component's handler of a task, from the one named on."""
         self.sync(do)
-        task, first = self._with_page(Task.deserialize(bytes(do.task)), do.processed), do.component
+        task, machine = self._with_page(Task.deserialize(bytes(do.task)), do.processed), self.machine
         returned: dict[str, list[Task]] = {}
-        entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
-        names = [entry[0].name for entry in entries]
-        machine = self.machine
+        failed, failure = "", None
         machine.task = task
-        failed: tuple[str, BaseException, Any] | None = None
-        for component, handler, task_id, _ in entries[names.index(first) if first in names else len(names) :]:
+        entries = dropwhile(lambda entry: entry[0].name != do.component, machine.lookup.find(task))
+        for component, handler, task_id, _ in entries:
+            if component is self._core:
+                continue
             machine.running = component
             try:
                 made = as_tasks(handler(task, task_id), component, handler)
+                returned[component.name] = [*machine.scheduled, *made]
             except BaseException as error:
-                failed = (component.name, error, handler)
-                machine.scheduled.clear()
+                failed, failure = component.name, failure_of(error, location_of(handler))
                 break
             finally:
                 machine.running = None
-            returned[component.name] = [*machine.scheduled, *made]
-            machine.scheduled.clear()
+                machine.scheduled.clear()
         machine.task = None
-        answer = protocol.HandleResult(
-            {name: [self._typed.encode_task(task) for task in tasks] for name, tasks in returned.items()},
-            **self.step_effects(),
-        )
-        if failed is None:
-            return answer
-        name, failure, handler = failed
-        text, fix = describe_failure(failure, location_of(handler))
-        slow = isinstance(failure, CpuTimeExceeded)
-        return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
+        encoded = {name: [self._typed.encode_task(task) for task in tasks] for name, tasks in returned.items()}
+        return protocol.HandleResult(encoded, failed=failed, failure=failure, **self.step_effects())
 
     def step(self, do: protocol.StepRequest) -> protocol.StepResponse:
         """Call one of the steps of a component's life, or a loop's `setup` or `loop`."""
@@ -229,18 +216,14 @@ class ChildNode(Node):
                 returned = getattr(component, step)()
                 if step in _STEPS_WITH_TASKS:
                     schedule_returned(returned, component, getattr(component, step))
-        except BaseException:
-            machine.scheduled.clear()  # or the next step would bring it, of another component
-            raise
-        finally:
+        finally:  # also after an error: else the next step would bring the tasks, of another component
             machine.running = None
-        scheduled = [self._typed.encode_task(task) for task in machine.scheduled]
-        machine.scheduled.clear()
-        done = protocol.StepResponse(scheduled, **self.step_effects())
+            scheduled, machine.scheduled = machine.scheduled, []
+        encoded = [self._typed.encode_task(task) for task in scheduled]
+        effects = self.step_effects()
         if isinstance(component, Loop):
-            stopped = component.is_terminated()
-            return msgspec.structs.replace(done, next_s=component.next_tick_at_s, is_stopped=stopped)
-        return done
+            effects |= {"next_s": component.next_tick_at_s, "is_stopped": component.is_terminated()}
+        return protocol.StepResponse(encoded, **effects)
 
     def step_effects(self) -> dict[str, Any]:
         """Return the other effects of a step: tasks from the inbox, changed handlers, notes, output."""
@@ -266,20 +249,15 @@ def repeated_event(loop: Any) -> str:
     return str(loop.event) if behaviors is not None and type(loop) is behaviors.StepLoop else ""
 
 
-def describe_failure(error: BaseException, begins: Any) -> tuple[str, str]:
+def failure_of(error: BaseException, begins: Any) -> protocol.RemoteFailure:
     """Return the error with the student's line first, and a fix; the grader adds in which step it was."""
-    text = describe_error(error, "\0", begins)
-    before, _, after = text.partition("\n  \0")
-    fix = after.partition("Try: ")[2]
-    return before.replace("CpuTimeExceeded: ", ""), fix
+    before, _, after = describe_error(error, "\0", begins).partition("\n  \0")
+    step = "slow" if isinstance(error, CpuTimeExceeded) else "handle"
+    return protocol.RemoteFailure(step, before.replace("CpuTimeExceeded: ", ""), after.partition("Try: ")[2])
 
 
 class NodeVerbs:
-    """The verbs of a student's process that are about nodes: load a file, make components, have them do a step.
-
-    Args:
-        read_module: returns a Python file of the student's as a module.
-    """
+    """The verbs that are about nodes; `read_module` returns a Python file of the student's as a module."""
 
     def __init__(self, read_module: Callable[[str], ModuleType]) -> None:
         self._read_module = read_module
@@ -288,13 +266,8 @@ class NodeVerbs:
         self._nodes: dict[str, ChildNode] = {}
         sys.stdout = RecordedOutput(sys.stdout, self._nodes.values())
         self._folders = {protocol.SUBMISSION: Path.cwd()}
-        self.verbs: dict[str, Callable[[Any], bytes]] = {
-            "load": self.load,
-            "open": self.open,
-            "make": self.make,
-            "handle": self.handle,
-            "step": self.step,
-        }
+        verbs = (self.load, self.open, self.make, self.handle, self.step)
+        self.verbs: dict[str, Callable[[Any], bytes]] = {verb.__name__: verb for verb in verbs}
 
     def load(self, do: protocol.LoadRequest) -> bytes:
         """Read a file; return its OPTIONS and ROLES, if it has any."""
@@ -345,8 +318,8 @@ class NodeVerbs:
         except CpuTimeExceeded:
             raise
         except BaseException as error:
-            text, fix = describe_failure(error, None)
-            raise SnrError(text, fix) from None
+            failure = failure_of(error, None)
+            raise SnrError(failure.text, failure.fix) from None
 
 
 def _files_read(folders: dict[str, Path]) -> list[tuple[str, str]]:

@@ -36,11 +36,9 @@ _START_CPU_S = 10.0  # of Python with snr_sim: about 0.2
 
 
 class ChildProcess:
-    """A process that holds one submission.
+    """A process that holds one submission, whose folder is its current folder.
 
     Args:
-        folder: of the submission; it is the process' current folder.
-        isolation: "sandbox", "confined", or "none".
         limits: CPU time, memory and files that it may use.
         readable: further folders it may read: of robots.
         fork_server: fork server that copies it, if it can.
@@ -103,11 +101,7 @@ class ChildProcess:
         return None if state is None else state[1]
 
     def ask(self, verb: protocol.Verb, cpu_s: float) -> protocol.CallResponse:
-        """Send a request, and return the answer.
-
-        Args:
-            verb: the request.
-            cpu_s: limit of its CPU time; the child itself counts, and the kernel enforces it.
+        """Send a request, return the answer; the child itself counts its CPU time, and the kernel enforces the limit.
 
         Raises:
             SubmissionError: it ended, was too slow, printed too much, or sent an answer to another request.
@@ -199,11 +193,7 @@ class ChildProcess:
                 return b""
 
     def _wait(self, timeout: CpuTimeout, event: int) -> None:
-        """Wait until the socket is ready, and read the output of the process meanwhile.
-
-        Raises:
-            SubmissionError: the wait was given up.
-        """
+        """Wait until the socket is ready, reading the output meanwhile; raise SubmissionError to give up."""
         if event != self._event:
             self._event = event
             self._poll.modify(self._socket, event)
@@ -221,11 +211,7 @@ class ChildProcess:
             self._check_timeout(timeout)
 
     def _check_timeout(self, timeout: CpuTimeout) -> None:
-        """Check from time to time on a process that does not answer, and end it when waiting longer is useless.
-
-        Raises:
-            SubmissionError: it was ended.
-        """
+        """End a process that does not answer when waiting longer is useless; raise SubmissionError then."""
         if not timeout.is_over():
             return
         self.kill()
@@ -256,11 +242,7 @@ class ChildProcess:
             self._keep(data)
 
     def _keep(self, data: bytes) -> None:
-        """Keep the start of its output, and count the rest.
-
-        Raises:
-            SubmissionError: it printed too much; raised once.
-        """
+        """Keep the start of its output, and count the rest; raise SubmissionError, once, if it printed too much."""
         was_within_limit = self._printed_bytes <= MAX_PRINTED_BYTES
         self._printed_bytes += len(data)
         self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
@@ -301,11 +283,7 @@ class ChildProcess:
             self._process.kill()
 
     def close(self) -> None:
-        """End it and release everything. Safe to call twice.
-
-        Raises:
-            SubmissionError: it had printed too much.
-        """
+        """End it and release everything, safe to call twice; raise SubmissionError if it had printed too much."""
         if self._socket.fileno() < 0:
             return
         try:

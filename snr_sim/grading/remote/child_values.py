@@ -18,11 +18,7 @@ class UnsendableValueError(Exception):
 
 
 def encode_plain(value: Any, what: str, function: object) -> bytes:
-    """Return JSON of a value that can cross.
-
-    Raises:
-        UnsendableValueError: it cannot; the message describes it.
-    """
+    """Return JSON of a value that can cross; raise UnsendableValueError if it cannot; the message describes it."""
     try:
         raw = _encode(value)
         if b'"$"' not in raw and _decode(raw) == value:
@@ -39,11 +35,7 @@ def encode_plain(value: Any, what: str, function: object) -> bytes:
 
 
 def plain(value: Any) -> Any:
-    """Return a value as numbers, texts, lists and dicts; numpy's become Python's.
-
-    Raises:
-        UnsendableValueError: it contains something else.
-    """
+    """Return a value as numbers, texts, lists and dicts, also numpy's; raise UnsendableValueError for anything else."""
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value
@@ -59,13 +51,8 @@ def plain(value: Any) -> Any:
     for parent in (bool, int, float, str):
         if isinstance(value, parent):
             return parent.__str__(value) if parent is str else parent(value)
-    raise UnsendableValueError(
-        f"{short(value)} is {_a(kind.__name__)}, not a number, a text, a list or a dict of these"
-    )
-
-
-def _a(word: str) -> str:
-    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
+    name = f"{'an' if kind.__name__[:1].lower() in 'aeiou' else 'a'} {kind.__name__}"
+    raise UnsendableValueError(f"{short(value)} is {name}, not a number, a text, a list or a dict of these")
 
 
 def short(value: Any) -> str:

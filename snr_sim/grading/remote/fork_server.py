@@ -72,9 +72,7 @@ class ForkedChild:
 class ForkServer:
     """Copies for the cases of one submission after the other. Close it in the end, or use `with`.
 
-    Args:
-        isolation: of each copy; a sandbox has one at a time.
-        limits: of each copy.
+    Isolation and limits are those of each copy; a sandbox has one at a time.
     """
 
     def __init__(self, isolation: Isolation, limits: Limits) -> None:
@@ -96,11 +94,7 @@ class ForkServer:
 
     @contextmanager
     def with_submission(self, folder: Path) -> Iterator[None]:
-        """Have copies hold a submission, until the end; then nothing is left of it.
-
-        Args:
-            folder: of the submission.
-        """
+        """Have copies hold the submission in a folder, until the end; then nothing is left of it."""
         self._submission = folder.resolve()
         try:
             yield
@@ -114,11 +108,7 @@ class ForkServer:
     def fork(self, folder: Path, isolation: Isolation, line: int, readable: Sequence[Path]) -> ForkedChild | None:
         """Return a new student's process that answers on a line; None if there is none to be had.
 
-        Args:
-            folder: of its submission; a sandbox has the one that is held.
-            isolation: of the process, which a copy has only if its original has it.
-            line: the file descriptor on which it answers.
-            readable: further folders that it needs; a sandbox has none.
+        A copy has the isolation of its original; in a sandbox the submission that is held, and no folders besides.
 
         Raises:
             GraderError: the fork server cannot be started, or does not answer.
@@ -156,11 +146,7 @@ class ForkServer:
         return self._shown
 
     def exit_status(self, number: int) -> int:
-        """Return the exit status of a copy that has ended, in the form of `subprocess`.
-
-        Raises:
-            GraderError: the fork server has ended, too.
-        """
+        """Return the exit status of a copy that has ended, as `subprocess` does; raise GraderError if there is none."""
         if self._socket is None:
             raise self._fault()
         status: int = NUMBER.unpack(self.request(WAIT + NUMBER.pack(number))[0])[0]

@@ -26,11 +26,9 @@ _NEW_IPC, _NEW_PID = 0x08000000, 0x20000000
 
 
 def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
-    """Fork a copy for each request, until the grader closes the line. Does not return.
+    """Fork a copy for each request, until the grader closes the line of requests. Does not return.
 
-    Args:
-        line: the file descriptor of the requests.
-        limits, is_alone, user: of each copy, as for `child.main`.
+    The other arguments are those of each copy, as for `child.main`.
     """
     requests = socket.socket(fileno=line)
     ended: dict[int, int] = {}  # exit statuses
@@ -85,11 +83,7 @@ def _run_child(line: int, output: int, limits: tuple[int, int, int, int], is_alo
 
 
 def _enter_namespaces() -> None:
-    """Have the next copy begin in namespaces of its own: of processes, and of what they share.
-
-    Raises:
-        OSError: the kernel does not permit it.
-    """
+    """Have the next copy begin in namespaces of its own: of processes, and of what they share."""
     libc = ctypes.CDLL(None, use_errno=True)
     own = os.pidfd_open(os.getpid())
     try:  # back to our own first: from the one of the copy before, which is dead, none could be made

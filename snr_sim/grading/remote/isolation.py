@@ -29,11 +29,7 @@ from snr_sim.grading.sandbox.sandbox import (
 
 @lru_cache(maxsize=1)
 def find_isolation() -> Isolation:
-    """Return the isolation of this computer: the sandbox wherever it works.
-
-    Raises:
-        IsolationMissingError: there is none.
-    """
+    """Return this computer's isolation: the sandbox wherever it works; raise IsolationMissingError if there is none."""
     try:
         try_sandbox()
     except IsolationMissingError as missing:
@@ -51,11 +47,7 @@ def find_isolation() -> Isolation:
 
 @lru_cache(maxsize=1)
 def try_sandbox() -> None:
-    """Start a process in the sandbox once, and check that it answers.
-
-    Raises:
-        IsolationMissingError: it does not.
-    """
+    """Start a process in the sandbox once, and check that it answers; raise IsolationMissingError if it does not."""
     find_bubblewrap()
     user, words = _try_isolation("sandbox")
     if user != NOBODY:
@@ -64,11 +56,7 @@ def try_sandbox() -> None:
 
 @lru_cache(maxsize=1)
 def try_confinement() -> None:
-    """Start a confined process once, and check that it answers.
-
-    Raises:
-        IsolationMissingError: it does not.
-    """
+    """Start a confined process once, and check that it answers; raise IsolationMissingError if it does not."""
     if missing := missing_capabilities():
         raise confinement_error(f"root has no {missing[0]} here")
     if closed := find_private_folder():

@@ -16,20 +16,8 @@ from typing import IO, Any
 from snr_sim.grading.lab.verdicts import GraderError
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox import sandbox
 from snr_sim.grading.sandbox.confiner import FILE_BYTES, Confiner
-from snr_sim.grading.sandbox.sandbox import (
-    KIT,
-    LABS,
-    NOBODY,
-    SYSTEM,
-    Limits,
-    bubblewrap_command,
-    first_private_ancestor,
-    is_root,
-    outermost,
-    package_folders,
-    python_folders,
-)
 
 # They choose numeric code paths that differ in the last bits; a graded run must equal that of `snr run`.
 NUMERIC_ENV_VARS = ("OPENBLAS_CORETYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES")
@@ -48,7 +36,7 @@ def start_command(
     folder: Path,
     isolation: Isolation,
     line: int,
-    limits: Limits,
+    limits: sandbox.Limits,
     readable: Sequence[Path],
     confiner: Confiner | None = None,
     is_fork_server: bool = False,
@@ -58,8 +46,6 @@ def start_command(
     It contains only the paths of Python, snr_sim and what it may read, since a process can read its own command.
 
     Args:
-        folder: of the submission.
-        isolation: of the process.
         line: the file descriptor it answers on, or `protocol.PIPES`.
         limits: CPU time, memory and files that it may use.
         readable: further folders that it may read.
@@ -70,12 +56,13 @@ def start_command(
     confinement = ""
     if confiner is not None:
         limits = replace(limits, file_bytes=min(limits.file_bytes, FILE_BYTES))
-        system = [name for name in ("/usr", *SYSTEM) if Path(name).is_dir()]
-        granted = [*system, *map(str, outermost([*python_folders(), KIT, *readable])), str(folder)]
-        confinement = f", {(confiner.user, granted, str(LABS), str(confiner.scratch))}"
+        system = [name for name in ("/usr", *sandbox.SYSTEM) if Path(name).is_dir()]
+        own = sandbox.outermost([*sandbox.python_folders(), sandbox.KIT, *readable])
+        granted = [*system, *map(str, own), str(folder)]
+        confinement = f", {(confiner.user, granted, str(sandbox.LABS), str(confiner.scratch))}"
     limited = (limits.cpu_s, limits.memory_bytes, limits.file_bytes, limits.open_files)
-    drops_to = NOBODY if isolation == "sandbox" and is_root() else None
-    path = [str(one) for one in dict.fromkeys([*package_folders(), KIT.parent])]
+    drops_to = sandbox.NOBODY if isolation == "sandbox" and sandbox.is_root() else None
+    path = [str(one) for one in dict.fromkeys([*sandbox.package_folders(), sandbox.KIT.parent])]
     begin = (
         f"import sys; sys.path[:] = {path!r}; from snr_sim.grading.remote.{module} import main; "
         f"main({line}, {limited}, {isolation != 'none'}, {drops_to}{confinement})"
@@ -83,7 +70,7 @@ def start_command(
     # What -I is, but for PYTHONHASHSEED: there is nothing else in the environment. And -S, as sys.path is given whole.
     python = [os.path.realpath(sys.executable), "-P", "-s", "-S", "-c", begin]
     if isolation == "sandbox":
-        return [*bubblewrap_command(folder, readable, is_fork_server), *python], Path("/")
+        return [*sandbox.bubblewrap_command(folder, readable, is_fork_server), *python], Path("/")
     return python, folder
 
 
@@ -91,20 +78,15 @@ def start_process(
     folder: Path,
     isolation: Isolation,
     line: int,
-    limits: Limits,
+    limits: sandbox.Limits,
     readable: Sequence[Path] = (),
     confiner: Confiner | None = None,
     is_fork_server: bool = False,
     prints_to: IO[bytes] | None = None,
 ) -> subprocess.Popen[bytes]:
-    """Start a student's process, whose stdout is a pipe.
+    """Start a student's process, whose stdout is a pipe; raise GraderError if it cannot be started.
 
-    Args:
-        folder, isolation, line, limits, readable, confiner, is_fork_server: as of `start_command`.
-        prints_to: a file for what it prints, if it answers on its stdout.
-
-    Raises:
-        GraderError: it cannot be started.
+    Arguments as of `start_command`, and a file for what it prints, if it answers on its stdout.
     """
     command, cwd = start_command(folder, isolation, line, limits, readable, confiner, is_fork_server)
     options: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": prints_to}
@@ -120,8 +102,8 @@ def start_process(
 @contextmanager
 def readable_copy(folder: Path, isolation: Isolation) -> Iterator[Path]:
     """Yield a folder that the unprivileged user can read: the submission's, or a copy if only its owner may."""
-    is_reached = isolation == "sandbox" or first_private_ancestor(folder) is None
-    if isolation == "none" or not is_root() or (is_reached and _is_open(folder)):
+    is_reached = isolation == "sandbox" or sandbox.first_private_ancestor(folder) is None
+    if isolation == "none" or not sandbox.is_root() or (is_reached and _is_open(folder)):
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:

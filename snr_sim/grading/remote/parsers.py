@@ -37,13 +37,11 @@ REFUSED: dict[str, str] = {
 def check_imports(
     folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], child: ChildProcess
 ) -> None:
-    """Check the imports of a submitted file and of the submission's files that it imports.
+    """Check the imports of a submitted file and of the submission's files that it imports; the child parses them.
 
     Args:
-        folder, file: of the submission.
         may_import: modules of `REFUSED` that the lab allows.
         refused: further modules that the lab refuses, with the reasons.
-        child: process that parses them.
 
     Raises:
         SubmissionError: it imports a refused module.
@@ -113,11 +111,7 @@ def imports_in(source: bytes) -> list[tuple[str, int]]:
 
 
 def toml_in(data: bytes) -> dict[str, Any]:
-    """Return the content of a text in TOML.
-
-    Raises:
-        SnrError: it is not valid TOML.
-    """
+    """Return the content of a text in TOML; raise SnrError if it is not valid TOML."""
     import json  # here, as every process of a student's imports this module
     import tomllib
 

@@ -22,12 +22,7 @@ from snr_sim.grading.sandbox.sandbox import Limits
 
 
 class PipedProcess(ChildProcess):
-    """A process that holds one submission.
-
-    Args:
-        folder: of the submission; it is the process' current folder.
-        limits: CPU time, memory and files that it may use. It counts its CPU time itself; its memory is not limited.
-    """
+    """A process that holds one submission. It counts its CPU time itself; its memory is not limited."""
 
     def __init__(self, folder: Path, limits: Limits) -> None:
         self._prepare(limits, None)
@@ -69,11 +64,7 @@ class PipedProcess(ChildProcess):
         self._piped.kill()
 
     def close(self) -> None:
-        """End it and release everything. Safe to call twice.
-
-        Raises:
-            SubmissionError: it had printed too much.
-        """
+        """End it and release everything, safe to call twice; raise SubmissionError if it had printed too much."""
         if self._printing.closed:
             return
         try:

@@ -153,14 +153,11 @@ class RemoteFailure(msgspec.Struct, frozen=True, omit_defaults=True):
         if self.step == "slow":
             return SubmissionError(text, SLOW_HINT)
         if self.is_refused and ", line " not in self.text.partition("\n")[0]:
-            return SubmissionError(
-                text, "What your program gives there is not what is asked for: compare it with the lab's page."
-            )
+            hint = "What your program gives there is not what is asked for: compare it with the lab's page."
+            return SubmissionError(text, hint)
         if self.step == "load":
-            then = (
-                "look at the line named." if "\n  Try: " in text else "run it with Python, and look at the line named."
-            )
-            return SubmissionError(text, f"Your file could not be read to its end: {then}")
+            first = "" if "\n  Try: " in text else "run it with Python, and "
+            return SubmissionError(text, f"Your file could not be read to its end: {first}look at the line named.")
         return SubmissionError(text, "Your program raised an error: look at the line named.")
 
 
@@ -172,11 +169,7 @@ class CallResponse(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit
     error: RemoteFailure | None = None
 
     def result(self) -> msgspec.Raw:
-        """Return the value.
-
-        Raises:
-            SubmissionError: the student's program failed.
-        """
+        """Return the value; raise SubmissionError if the student's program failed."""
         if self.error is not None:
             raise self.error.as_error()
         return self.value
@@ -224,13 +217,11 @@ class StepEffects(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
 
 
 class HandleResult(StepEffects, frozen=True, omit_defaults=True):
-    """What handlers returned, by component; and which one failed, if one did."""
+    """What handlers returned, by component; and whose handler failed and how, if one did."""
 
     returned: dict[str, list[msgspec.Raw]]
     failed: str = ""
-    text: str = ""
-    fix: str = ""
-    is_slow: bool = False
+    failure: RemoteFailure | None = None
 
 
 class StepResponse(StepEffects, frozen=True, omit_defaults=True):
@@ -259,11 +250,7 @@ _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 
 
 def decode_response(line: bytes | bytearray) -> CallResponse:
-    """Return the answer in a line.
-
-    Raises:
-        ProtocolError: there is none.
-    """
+    """Return the answer in a line; raise ProtocolError if there is none."""
     try:
         return _decode_response(line)
     except JSON_ERRORS as error:
@@ -271,11 +258,7 @@ def decode_response(line: bytes | bytearray) -> CallResponse:
 
 
 def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
-    """Return a value of a known form.
-
-    Raises:
-        ProtocolError: it has another one.
-    """
+    """Return a value of a known form; raise ProtocolError if it has another one."""
     check_cost(bytes(raw))
     try:
         return decoder.decode(raw)
@@ -284,11 +267,7 @@ def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
 
 
 def plain_value(raw: msgspec.Raw) -> Any:
-    """Return a value of plain JSON; a number that is not finite is one, too.
-
-    Raises:
-        ProtocolError: it is nested too deeply, or no such value.
-    """
+    """Return a value of plain JSON, also a number that is not finite; raise ProtocolError for others, or deep ones."""
     data = bytes(raw)
     check_cost(data)
     try:
@@ -298,11 +277,7 @@ def plain_value(raw: msgspec.Raw) -> Any:
 
 
 def check_cost(data: bytes) -> None:
-    """Check that JSON is neither nested too deeply for a recursive reader, nor full of numbers that are slow to decode.
-
-    Raises:
-        ProtocolError: it is.
-    """
+    """Raise ProtocolError for JSON that is too deep for a recursive reader, or has numbers that are slow to decode."""
     try:
         check_exponents(data)
     except ValueEncodingError as error:

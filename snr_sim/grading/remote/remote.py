@@ -22,6 +22,7 @@ import msgspec
 
 from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import LEVELS
@@ -47,12 +48,7 @@ class StudentCodeError(SnrError):
 
 
 class Remote:
-    """The student's components in all of the grader's nodes.
-
-    Args:
-        child: the student's process.
-        file: of the submission, which has `factories`.
-    """
+    """The student's components in all of the grader's nodes; a file of the submission has their `factories`."""
 
     def __init__(self, child: ChildProcess, file: str) -> None:
         self._child = child
@@ -68,11 +64,7 @@ class Remote:
         self._answers: dict[str, list[Task] | StudentCodeError] = {}  # to it, by component
 
     def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
-        """Send a request to the student's process; return its answer.
-
-        Args:
-            verb, cpu_s: as for `ChildProcess.ask`.
-            decoder: of the answer's type.
+        """Send a request to the student's process, as `ChildProcess.ask`; return its answer, of the decoder's type.
 
         Raises:
             SubmissionError: the answer has another type; kept too, as a node that runs replaces the message by its own.
@@ -95,9 +87,7 @@ class Remote:
     def controller(self, path: Path, robots: Sequence[tuple[str, Path]]) -> ModuleType:
         """Return a module that stands for the student's file: its `factories` makes proxies.
 
-        Args:
-            path: of the student's file, for the trace's header.
-            robots: whose modules the student may import.
+        The path is for the trace's header. The student may import the modules of the robots.
         """
         load = protocol.LoadRequest(self._file, [(name, str(folder)) for name, folder in robots])
         loaded = self.ask(load, _loaded, LOAD_CPU_S)
@@ -141,10 +131,10 @@ class Remote:
         answer = self.ask(protocol.Handle(*self._address(component, node.machine.now_s), raw, processed), _returned)
         for name, raws in answer.returned.items():
             self._answers[name] = self.task_filter.tasks(raws, node, name)
-        if answer.failed:
-            if answer.is_slow:
-                self.submission_error = SubmissionError(answer.text, protocol.SLOW_HINT)
-            self._answers[answer.failed] = StudentCodeError(answer.text, answer.fix)
+        if answer.failure is not None:
+            if answer.failure.step == "slow":
+                self.submission_error = SubmissionError(answer.failure.text, protocol.SLOW_HINT)
+            self._answers[answer.failed] = StudentCodeError(answer.failure.text, answer.failure.fix)
         self._apply(answer, node)
 
     def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepResponse:
@@ -210,11 +200,7 @@ def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
 
 
 def _pickled(robot: RobotInfo) -> str:
-    """Return the argument of a student's `factories` for its process, which may unpickle what the grader writes.
-
-    Raises:
-        GraderError: something in it is of a class that the student's process cannot know.
-    """
+    """Return the argument of `factories` for its process; raise GraderError if something in it is unknown there."""
     buffer = io.BytesIO()
     try:
         _RobotPickler(buffer).dump(robot)
@@ -237,16 +223,20 @@ class _RobotPickler(pickle.Pickler):
             )
 
 
-class RemoteEndpointFactory(EndpointFactory):
-    """Makes the proxy of an endpoint."""
+class _ProxyFactory(ComponentFactory):
+    """Makes the proxy of a component, of this number; the student's own is made in its process."""
 
     def __init__(self, remote: Remote, number: int) -> None:
         super().__init__()
         self.remote: Remote = remote
         self._number = number
 
+
+class RemoteEndpointFactory(_ProxyFactory, EndpointFactory):
+    """Makes the proxy of an endpoint."""
+
     def get(self, parent: NodeApi) -> Endpoint:
-        """Return a proxy; the student's own endpoint is made in its process."""
+        """Return the proxy."""
         return RemoteEndpoint(self, parent, self.remote.make(self._number, parent))
 
 
@@ -296,16 +286,11 @@ class RemoteEndpoint(Endpoint):
             self.schedule(self.factory.remote.task_filter.tasks(done.scheduled, self.parent, self.name))
 
 
-class RemoteLoopFactory(LoopFactory):
+class RemoteLoopFactory(_ProxyFactory, LoopFactory):
     """Makes the proxy of a loop."""
 
-    def __init__(self, remote: Remote, number: int) -> None:
-        super().__init__()
-        self.remote: Remote = remote
-        self._number = number
-
     def get(self, parent: NodeApi) -> Loop:
-        """Return a proxy; the student's own loop is made in its process."""
+        """Return the proxy."""
         return RemoteLoop(self, parent, self.remote.make(self._number, parent))
 
 

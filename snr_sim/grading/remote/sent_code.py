@@ -43,11 +43,7 @@ class SentCode(msgspec.Struct, frozen=True):
 
 
 def code_to_send(one: Callable[..., Any]) -> SentCode:
-    """Return a class or function of snr_sim or of a lab as it is sent.
-
-    Raises:
-        GraderError: it is of neither.
-    """
+    """Return a class or function of snr_sim or of a lab as it is sent; raise GraderError if it is of neither."""
     module = one.__module__
     if module.startswith("snr_sim."):
         return SentCode(module, one.__qualname__)

@@ -31,11 +31,7 @@ class TaskRejectedError(SnrError):
 
 
 class TaskFilter:
-    """Accepts or refuses the tasks of the student's components.
-
-    Args:
-        file: of the submission, for the messages.
-    """
+    """Accepts or refuses the tasks of the student's components, which a file of the submission has made."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -51,8 +47,7 @@ class TaskFilter:
     def component(self, made: ComponentInfo) -> None:
         """Check the description that a component sends.
 
-        Raises:
-            TaskRejectedError: its name is too long, it has too many handlers, or its ticks send another event.
+        TaskRejectedError is raised if its name is too long, it has too many handlers, or its ticks send another event.
         """
         if made.repeats and not made.repeats.endswith(".step"):  # or it could be one that changes the node
             raise TaskRejectedError(
@@ -67,11 +62,7 @@ class TaskFilter:
             )
 
     def count(self, now_s: float, tasks: int = 1) -> None:
-        """Count work at one moment of virtual time.
-
-        Raises:
-            TaskRejectedError: there is no end to it.
-        """
+        """Count work at one moment of virtual time; raise TaskRejectedError if there is no end to it."""
         if now_s != self._moment_s:
             self._moment_s, self._at_this_moment = now_s, 0
         self._at_this_moment += tasks
@@ -101,11 +92,7 @@ class TaskFilter:
         return admitted
 
     def tasks(self, raws: Sequence[msgspec.Raw], node: Node, component: str) -> list[Task]:
-        """Return tasks that a component has returned or scheduled.
-
-        Raises:
-            TaskRejectedError: one of them may not enter.
-        """
+        """Return tasks that a component has returned or scheduled; raise TaskRejectedError if one may not enter."""
         if not raws:
             return []
         self.count(node.get_time_s(), len(raws))
@@ -122,59 +109,48 @@ class TaskFilter:
             task = Task.deserialize(raw)
         except SnrError as error:
             reason = getattr(error.__cause__, "message", error.message)
-            raise TaskRejectedError(
-                f"'{component}' made a task with a value that cannot leave its process: {reason}",
-                fix="numbers, texts, lists, dicts, tuples, numpy arrays, and dataclasses of these can.",
-            ) from error
+            fix = "numbers, texts, lists, dicts, tuples, numpy arrays, and dataclasses of these can."
+            what = f"made a task with a value that cannot leave its process: {reason}"
+            raise _rejected(component, what, fix) from error
         if len(task.name) > _NAME_LENGTH:
-            raise TaskRejectedError(f"'{component}' made a task with a name of {len(task.name)} characters.")
+            raise _rejected(component, f"made a task with a name of {len(task.name)} characters.")
         if task.type is TaskType.store_page:
             return self._store(task, node, component)
         if task.type is TaskType.process_data and task.val_list:
             return self._process(raw, node, component)
         if task.type is TaskType.reload or task.name in kit_tasks.CHANGE_TASK_NAMES:
-            raise TaskRejectedError(
-                f"'{component}' requested a change of components, which a graded run does not allow.",
-                fix="do not use reload, add_component and remove_component.",
-            )
+            fix = "do not use reload, add_component and remove_component."
+            raise _rejected(component, "requested a change of components, which a graded run does not allow.", fix)
         if task.name == kit_tasks.FINISH_TASK_NAME and task.type is TaskType.event:
             reason = task.val_list[0] if task.val_list else ""
             if task != kit_tasks.finish(reason) or type(reason) is not str:
-                raise TaskRejectedError(
-                    f"'{component}' made a task '{task.name}' by itself.", fix="use tasks.finish('reason')."
-                )
+                raise _rejected(component, f"made a task '{task.name}' by itself.", "use tasks.finish('reason').")
         return task
 
     def _process(self, raw: bytes, node: Node, component: str) -> Task:
         """Return the task that is handled now, if it is that: another one could pass a page off as a sensor's."""
         handled = node.machine.task
         if handled is None or handled.serialize() != raw:
-            raise TaskRejectedError(
-                f"'{component}' made a process_data task that carries values.", fix="tasks.process_data(key)."
-            )
+            raise _rejected(component, "made a process_data task that carries values.", "tasks.process_data(key).")
         return handled
 
     def _store(self, task: Task, node: Node, component: str) -> Task:
         page = task.val_list[0] if len(task.val_list) == 1 else None
         if not isinstance(page, Page) or page.key != task.name:
-            raise TaskRejectedError(
-                f"'{component}' made a store_page task '{task.name}' that does not carry exactly this page.",
-                fix="use self.store_data_task(key, data).",
-            )
+            what = f"made a store_page task '{task.name}' that does not carry exactly this page."
+            raise _rejected(component, what, "use self.store_data_task(key, data).")
         if page.key in self.of_others:
-            raise TaskRejectedError(
-                f"'{component}' stored the page '{page.key}', which it is not allowed to store.",
-                fix="choose a key of your own.",
-            )
+            what = f"stored the page '{page.key}', which it is not allowed to store."
+            raise _rejected(component, what, "choose a key of your own.")
         if not page.created_at_s <= node.get_time_s():  # so that nan is refused, too
-            raise TaskRejectedError(
-                f"'{component}' stored a page '{page.key}' of t = {page.created_at_s} s, which is in the future.",
-                fix="use self.store_data_task(key, data), which sets the time.",
-            )
+            what = f"stored a page '{page.key}' of t = {page.created_at_s} s, which is in the future."
+            raise _rejected(component, what, "use self.store_data_task(key, data), which sets the time.")
         self._keys.add(page.key)
         if len(self._keys) > MAX_KEYS:
-            raise TaskRejectedError(
-                f"'{component}' has stored pages under more than {MAX_KEYS} keys.",
-                fix="use few keys; put a changing number into the page's data.",
-            )
+            what = f"has stored pages under more than {MAX_KEYS} keys."
+            raise _rejected(component, what, "use few keys; put a changing number into the page's data.")
         return task
+
+
+def _rejected(component: str, what: str, fix: str = "") -> TaskRejectedError:
+    return TaskRejectedError(f"'{component}' {what}", fix=fix)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import statistics
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO, TypeAlias
@@ -72,10 +72,9 @@ class Summary:
 
 
 def write_class(table: TextIO, read_all: ReadAll, given: Mapping[str, str]) -> None:
-    """Write one row per submission.
+    """Write one row per submission; the table was opened with newline="".
 
     Args:
-        table: opened with newline="".
         read_all: returns all submissions, each time it is called.
         given: where each submission was, by its name, to distinguish two of the same name.
     """
@@ -111,23 +110,12 @@ def write_cases(table: TextIO, all_graded: Iterable[Graded]) -> None:
     writer = csv.writer(table)
     writer.writerow(["submission", "check", "case", "visible", "fraction", "hint", "expected", "actual", "metrics"])
     for graded in all_graded:
-        writer.writerows(_case_rows(graded))
-
-
-def _case_rows(graded: Graded) -> Iterator[list[str]]:
-    for check in graded.checks:
-        for case in check.cases:
-            texts = (case.hint, case.expected, case.actual or case.error)
-            metrics = " ".join(f"{name}={value:.6g}" for name, value in sorted(case.metrics.items()))
-            fraction = f"{case.fraction:.4g}"
-            start = [
-                cell(graded.submission),
-                check.name,
-                cell(case.label),
-                "yes" if case.is_visible else "no",
-                fraction,
-            ]
-            yield [*start, *map(cell, texts), cell(metrics)]
+        for check in graded.checks:
+            for case in check.cases:
+                start = (graded.submission, check.name, case.label, "yes" if case.is_visible else "no")
+                metrics = " ".join(f"{name}={value:.6g}" for name, value in sorted(case.metrics.items()))
+                texts = (f"{case.fraction:.4g}", case.hint, case.expected, case.actual or case.error, metrics)
+                writer.writerow(map(cell, (*start, *texts)))
 
 
 def write_leaderboard(table: TextIO, summary: Summary) -> None:

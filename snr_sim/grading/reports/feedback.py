@@ -73,16 +73,11 @@ def as_text(check: CheckResult) -> str:
     for case in visible(check)[:_MAX_CASES]:
         name = one_line(case.label) or "case"
         hint = f": {one_line(case.hint)}" if case.hint else ""
-        lines.append(f"{_mark(case)} {name}{hint}")
+        mark = "passed" if case.is_passed else "partly" if case.fraction > 0 else "failed"
+        lines.append(f"[{mark}] {name}{hint}")
         if not case.is_passed:
             lines += [f"    {heading}: {plain(text, 2000)}".replace("\n", "\n      ") for heading, text in parts(case)]
     return "\n".join([*lines, *hidden_lines(check)])
-
-
-def _mark(case: CaseResult) -> str:
-    if case.is_passed:
-        return "[passed]"
-    return "[partly]" if case.fraction > 0 else "[failed]"
 
 
 def headline(graded: Graded) -> str:

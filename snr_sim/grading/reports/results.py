@@ -161,11 +161,7 @@ def encode_graded(graded: Graded) -> bytes:
 
 
 def decode_graded(text: bytes) -> Graded:
-    """Bring a record back.
-
-    Raises:
-        msgspec.ValidationError, msgspec.DecodeError: it is not one.
-    """
+    """Return a record of JSON; msgspec's DecodeError or ValidationError is raised if it is not one."""
     return _decode(text)
 
 

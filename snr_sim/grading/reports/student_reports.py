@@ -117,12 +117,7 @@ def gradescope_results(graded: Graded) -> str:
         "test_name_format": "text",
         "visibility": "visible",
         "stdout_visibility": "hidden",
-        "extra_data": {
-            "status": graded.status,
-            "isolation": graded.isolation,
-            "version": graded.version,
-            "lab": graded.lab,
-        },
+        "extra_data": {name: getattr(graded, name) for name in ("status", "isolation", "version", "lab")},
         "tests": [_gradescope_test(i, check) for i, check in enumerate(graded.checks, 1)],
     }
     if graded.points is not None:
@@ -170,9 +165,8 @@ def junit(graded: Graded) -> str:
             ElementTree.SubElement(case, "skipped", message=one_line(check.skipped_because))
         elif outcome != "passed":
             score = f"{feedback.number(check.points)} of {feedback.number(check.max_points)} points"
-            failure = ElementTree.SubElement(
-                case, "failure", message=f"{score}. {feedback.main_hint(check)}", type=outcome
-            )
+            message = f"{score}. {feedback.main_hint(check)}"
+            failure = ElementTree.SubElement(case, "failure", message=message, type=outcome)
             failure.text = plain(feedback.as_text(check), _MAX_OUTPUT_CHARS)
     ElementTree.indent(suite)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"

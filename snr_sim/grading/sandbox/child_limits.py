@@ -44,11 +44,7 @@ def end_with_parent() -> None:
 
 
 def process_control(option: int, value: int) -> None:
-    """Call prctl.
-
-    Raises:
-        OSError: the kernel refuses it.
-    """
+    """Call prctl; raise OSError if the kernel refuses it."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.prctl(option, ctypes.c_ulong(value), ctypes.c_ulong(0), ctypes.c_ulong(0), ctypes.c_ulong(0)) != 0:
         raise OSError(ctypes.get_errno(), "prctl")

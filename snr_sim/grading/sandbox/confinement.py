@@ -37,12 +37,7 @@ _NO_NEW_PRIVILEGES = 38  # prctl
 def confine(line: int, user: int, readable: Sequence[str], hidden: str, scratch: str) -> None:
     """Put up all walls but the last; send the grader the listener that counts new files.
 
-    Args:
-        line: the conversation with the grader.
-        user: which to become.
-        readable: folders.
-        hidden: a folder that may be in one of these, and must not be read.
-        scratch: the folder to write in.
+    `hidden` may be in one of the readable folders, and must not be read; `scratch` is the folder to write in.
     """
     parent = os.getppid()
     process_control(_NO_NEW_PRIVILEGES, 1)
@@ -65,13 +60,9 @@ class LandlockMissingError(Exception):
 
 
 def restrict(granted: Mapping[Path, int]) -> None:
-    """Permit this process the granted access only, irrevocably. It must have given up new privileges.
+    """Permit this process the granted access only, irrevocably; paths that do not exist are left out.
 
-    Args:
-        granted: access to a folder and below, or to a file. A path that does not exist is left out.
-
-    Raises:
-        LandlockMissingError: the kernel cannot do that.
+    It must have given up new privileges. LandlockMissingError is raised if the kernel cannot do that.
     """
     try:
         version = min(call_kernel(_CREATE, None, 0, _ASK_VERSION), _NEWEST_NEEDED)

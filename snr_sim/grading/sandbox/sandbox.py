@@ -50,11 +50,7 @@ class Limits:
 
 @lru_cache(maxsize=1)
 def find_bubblewrap() -> Path:
-    """Return where bubblewrap is.
-
-    Raises:
-        IsolationMissingError: it is not installed, or this is not Linux.
-    """
+    """Return where bubblewrap is; raise IsolationMissingError if it is not installed, or this is not Linux."""
     if sys.platform != "linux":
         raise IsolationMissingError(
             "Sandboxed grading requires Linux.",
@@ -76,10 +72,7 @@ def is_root() -> bool:
 def bubblewrap_command(folder: Path, readable: Sequence[Path], is_fork_server: bool) -> Iterator[str]:
     """Yield bubblewrap with its options, which come before the command of a process.
 
-    Args:
-        folder: of the submission.
-        readable: further folders that the process may read, besides Python's and the kit's.
-        is_fork_server: whether it gives each copy of itself a namespace.
+    `readable` are further folders that it may read; a fork server gives each copy of itself a namespace.
     """
     yield from (str(find_bubblewrap()), "--die-with-parent", "--cap-drop", "ALL")
     yield from ("--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--hostname", "grader")

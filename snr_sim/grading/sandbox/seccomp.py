@@ -112,11 +112,9 @@ def conditions(pid: int) -> dict[str, tuple[Condition, ...]]:
 
 
 def system_call_filter(machine: str, pid: int) -> list[Instruction]:
-    """Return the program that allows what a student's process may do.
+    """Return the program that allows what a student's process of this number may do, on "x86_64" or "aarch64".
 
-    Args:
-        machine: "x86_64" or "aarch64".
-        pid: of the process, which may send signals to itself alone.
+    It may send signals to itself alone.
     """
     program = [*_begin(machine)]
     for call in ALLOWED:
@@ -176,11 +174,7 @@ def install(program: list[Instruction], has_listener: bool = False) -> int:
 
 
 def current_machine() -> str:
-    """Return what kind of computer this is.
-
-    Raises:
-        SeccompMissingError: its system calls are not known.
-    """
+    """Return what kind of computer this is; raise SeccompMissingError if its system calls are not known."""
     machine = os.uname().machine
     if machine not in COLUMN:
         raise SeccompMissingError(f"seccomp: the system calls of the processor '{machine}' are not known")
@@ -199,11 +193,7 @@ def number_of(call: str, machine: str) -> int | None:
 
 
 def call_kernel(number: int, *args: int | bytes | None) -> int:
-    """Make a system call; return what it returns.
-
-    Raises:
-        OSError: the kernel refuses it.
-    """
+    """Make a system call and return its result; raise OSError if the kernel refuses it."""
     libc = ctypes.CDLL(None, use_errno=True)
     libc.syscall.restype = ctypes.c_long
     words = [ctypes.c_long(one) if isinstance(one, int) else one for one in args]
