@@ -64,18 +64,18 @@ if TYPE_CHECKING:
     from snr_sim.prelude.task import TaskId as TaskId
     from snr_sim.prelude.task import TaskName as TaskName
     from snr_sim.prelude.task import TaskType as TaskType
+    from snr_sim.recording.page_reader import PageReader as PageReader
+    from snr_sim.recording.page_reader import TextReader as TextReader
+    from snr_sim.recording.page_recorder import RecorderEndpointFactory as RecorderEndpointFactory
+    from snr_sim.recording.replayers import ListReplayer as ListReplayer
+    from snr_sim.recording.replayers import ListReplayerFactory as ListReplayerFactory
+    from snr_sim.recording.replayers import ReplayerLoop as ReplayerLoop
+    from snr_sim.recording.replayers import ReplayerLoopFactory as ReplayerLoopFactory
+    from snr_sim.recording.replayers import TextReplayer as TextReplayer
+    from snr_sim.recording.replayers import TextReplayerFactory as TextReplayerFactory
     from snr_sim.std_mods.moving_average import MovingAvgFilter as MovingAvgFilter
     from snr_sim.std_mods.moving_average import MovingAvgFilterFactory as MovingAvgFilterFactory
     from snr_sim.std_mods.printer import PrinterEndpointFactory as PrinterEndpointFactory
-    from snr_sim.std_mods.readers import PageReader as PageReader
-    from snr_sim.std_mods.readers import TextReader as TextReader
-    from snr_sim.std_mods.recorder import RecorderEndpointFactory as RecorderEndpointFactory
-    from snr_sim.std_mods.replayer import ListReplayer as ListReplayer
-    from snr_sim.std_mods.replayer import ListReplayerFactory as ListReplayerFactory
-    from snr_sim.std_mods.replayer import ReplayerLoop as ReplayerLoop
-    from snr_sim.std_mods.replayer import ReplayerLoopFactory as ReplayerLoopFactory
-    from snr_sim.std_mods.replayer import TextReplayer as TextReplayer
-    from snr_sim.std_mods.replayer import TextReplayerFactory as TextReplayerFactory
     from snr_sim.std_mods.timing import StopwatchEndpointFactory as StopwatchEndpointFactory
     from snr_sim.std_mods.timing import TimeoutLoopFactory as TimeoutLoopFactory
     from snr_sim.std_mods.timing import Timer as Timer

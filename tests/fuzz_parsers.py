@@ -48,10 +48,10 @@ from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.recording.compare_runs import compare_runs
 from snr_sim.recording.folder import trace_warnings
+from snr_sim.recording.page_reader import PageReader
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.sources import read_kept_files
 from snr_sim.scenario.replay_files import files_of_replay
-from snr_sim.std_mods.readers import PageReader
 from snr_sim.view.picture import draw_run
 from snr_sim.view.view import view_of
 from snr_sim.web.messages import decode_from_page
