@@ -27,8 +27,8 @@ from snr_sim.core.node import Node
 from snr_sim.core.output_recording import LEVELS
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.sent_code import LAB_MODULE
+from snr_sim.grading.remote.student_process import StudentProcess
 from snr_sim.grading.remote.task_filter import TaskFilter
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import SnrError
@@ -54,7 +54,7 @@ class Remote:
         file: of the submission, which has `factories`.
     """
 
-    def __init__(self, child: ChildProcess, file: str) -> None:
+    def __init__(self, child: StudentProcess, file: str) -> None:
         self._child = child
         self._file = file
         self.task_filter: TaskFilter = TaskFilter(file)
@@ -71,7 +71,7 @@ class Remote:
         """Send a request to the student's process; return its answer.
 
         Args:
-            verb, cpu_s: as for `ChildProcess.ask`.
+            verb, cpu_s: as for `StudentProcess.ask`.
             decoder: of the answer's type.
 
         Raises:
