@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from snr_sim.console.remote_console import RemoteConsole as RemoteConsole
     from snr_sim.core.clocks import SimClock as SimClock
     from snr_sim.core.clocks import WallClock as WallClock
+    from snr_sim.core.component import page as page
     from snr_sim.core.config import ComponentsByRole as ComponentsByRole
     from snr_sim.core.config import Config as Config
     from snr_sim.core.config import Mode as Mode
     from snr_sim.core.endpoint import Endpoint as Endpoint
     from snr_sim.core.endpoint import EndpointFactory as EndpointFactory
+    from snr_sim.core.endpoint import handles as handles
     from snr_sim.core.loop import Loop as Loop
     from snr_sim.core.loop import LoopFactory as LoopFactory
     from snr_sim.core.loop import ThreadLoop as ThreadLoop
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
     from snr_sim.core.runners import SimRunner as SimRunner
     from snr_sim.core.runners import SynchronousRunner as SynchronousRunner
     from snr_sim.core.runners import TestRunner as TestRunner
-    from snr_sim.core.short_form import handles as handles
-    from snr_sim.core.short_form import page as page
     from snr_sim.links.faults import LinkFaults as LinkFaults
     from snr_sim.links.memory import MemoryLink as MemoryLink
     from snr_sim.links.pipes import PipeLoopFactory as PipeLoopFactory

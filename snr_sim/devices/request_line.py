@@ -18,7 +18,7 @@ import msgspec
 
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.devices.commands import CommandInput, command_of
-from snr_sim.devices.loops import start_device
+from snr_sim.devices.device_loop import start_device
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, ParameterError
 from snr_sim.prelude.node_api import NodeApi

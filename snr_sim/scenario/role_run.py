@@ -20,7 +20,8 @@ from snr_sim.core.config import Config
 from snr_sim.core.interrupts import graceful_shutdown
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import record_output
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.links.sockets import SocketsListenerFactory, SocketsLoopFactory
 from snr_sim.plants.realtime import RealTimePlant
 from snr_sim.prelude import tasks

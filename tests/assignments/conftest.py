@@ -34,7 +34,7 @@ SECRET = b"the secret of these tests"
 # Modules of the kit that most copies need are imported once: importing them in each took a tenth of the CPU time.
 WARM = """
     fcntl numpy.ma numpy.random numpy.typing resource tomllib snr_sim.behaviors.endpoint snr_sim.behaviors.explore
-    snr_sim.behaviors.language snr_sim.core.lockstep snr_sim.core.runners snr_sim.devices.simulated
+    snr_sim.behaviors.language snr_sim.core.lockstep snr_sim.core.runners snr_sim.devices.readings
     snr_sim.devices.terminal_keys snr_sim.devices.sensors.camera snr_sim.devices.sensors.echo_sounder
     snr_sim.devices.sensors.hull_sensors snr_sim.devices.sensors.imu snr_sim.devices.sensors.ms5837
     snr_sim.plants.urov.t200 snr_sim.plants.urov.vehicle_file snr_sim.links snr_sim.teleop

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from snr_sim.devices.readings import BiasDrift, SensorErrors
 from snr_sim.devices.sensors.imu import InertialUnit
-from snr_sim.devices.simulated import BiasDrift, SensorErrors
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.instruments import FIELD_UT_PER_A, ImuOutput
 from snr_sim.plants.urov.pool import Pool

@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim.core.config import Config
-from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.grading.lab.stimulus import GIVEN, Stimulus
 from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, GraderError, InconclusiveError, SubmissionError
