@@ -41,9 +41,18 @@ from snr_sim.grading.remote import protocol
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.q_table import QTable
 from snr_sim.links.frames import encode_frame
-from snr_sim.links.messages import Auth, Bye, HelloMessage, Ping, Pong, RefusedMessage, decode_message, encode_message
+from snr_sim.links.messages import (
+    Auth,
+    Bye,
+    HelloMessage,
+    Ping,
+    Pong,
+    RefusedMessage,
+    decode_message,
+    decode_page,
+    encode_message,
+)
 from snr_sim.links.session import Session, SessionConfig
-from snr_sim.links.wire_bounds import decode_page
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.recording.compare_runs import compare_runs

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from snr_sim.devices.pwm.maestro import Maestro as Maestro
     from snr_sim.devices.pwm.passive_pwm import PassivePwm as PassivePwm
     from snr_sim.devices.pwm.pca9685 import Pca9685 as Pca9685
+    from snr_sim.devices.pwm.pwm_backend import LoopbackPwm as LoopbackPwm
     from snr_sim.devices.pwm.pwm_backend import PwmBackend as PwmBackend
+    from snr_sim.devices.pwm.pwm_backend import SimPwm as SimPwm
+    from snr_sim.devices.pwm.pwm_backend import drive_plant as drive_plant
     from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory as PwmLoopFactory
-    from snr_sim.devices.pwm.sim_pwm import LoopbackPwm as LoopbackPwm
-    from snr_sim.devices.pwm.sim_pwm import SimPwm as SimPwm
-    from snr_sim.devices.pwm.sim_pwm import drive_plant as drive_plant
     from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm as SupervisedPwm
     from snr_sim.devices.pwm.sysfs_pwm import SysfsPins as SysfsPins
     from snr_sim.devices.pygame_gamepad import PygameGamepad as PygameGamepad
