@@ -232,11 +232,11 @@ def _handler(method: object, name: str, handled: _Handled) -> FunctionType:
     """Return a handler that calls the method of this name, as it is in the object's class."""
     page_class = handled.page_class
 
-    def call_with_task(self: Any, task: Task, task_id: TaskId) -> SomeTasks:
+    def call_with_task(self: Any, task: Task, _task_id: TaskId) -> SomeTasks:
         result: SomeTasks = getattr(self, name)(task)
         return result
 
-    def call_with_data(self: Any, task: Task, task_id: TaskId) -> SomeTasks:
+    def call_with_data(self: Any, task: Task, _task_id: TaskId) -> SomeTasks:
         page = task.page
         data = self.get_data(task.name) if page is None else page.data  # a task without its page was made by hand
         result: SomeTasks = getattr(self, name)(data if page_class is None else from_page(page_class, data))

@@ -179,7 +179,7 @@ def decoder_of(*others: Any) -> Callable[[bytes], Any]:
     return decode
 
 
-def _refuse_int(**fields: Any) -> NoReturn:
+def _refuse_int(**_fields: Any) -> NoReturn:
     """Reject the mark `int`, which is only for integers of more than 64 bits."""
     raise _too_long()
 

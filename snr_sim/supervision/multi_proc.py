@@ -216,7 +216,7 @@ def _signals_as(events: SimpleQueue[ProcessEvent]) -> Iterator[None]:
         yield
         return
 
-    def on_signal(number: int, frame: FrameType | None) -> None:
+    def on_signal(number: int, _frame: FrameType | None) -> None:
         events.put(("signal", signal.Signals(number).name))  # atomic, so an interrupt cannot leave a lock held
 
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}

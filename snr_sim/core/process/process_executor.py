@@ -146,7 +146,7 @@ class ProcessExecutor:
     def _watch(self, key: DataKey) -> None:
         """Send the newest page of a key now, and from now on each time one is stored."""
 
-        def listener(page: Page) -> None:
+        def listener(_page: Page) -> None:
             self._send_page(key)
 
         for stored in {key, key.removesuffix(PREVIOUS)}:

@@ -249,7 +249,7 @@ def _loaded(scenario: str, io: str, roles: tuple[str, ...] | None) -> tuple[Simu
         raise GraderError(f"The scenario '{scenario}' cannot be run: {error}") from error
 
 
-def _empty_controller(robot: library.FoundItem, name: str) -> ModuleType:
+def _empty_controller(_robot: library.FoundItem, name: str) -> ModuleType:
     """Return a controller without components: the student's replaces it."""
     module = ModuleType("empty_controller")
     module.__file__ = name

@@ -272,7 +272,7 @@ class RemoteEndpoint(Endpoint):
         return handlers
 
     def _handler(self, label: str) -> TaskHandler:
-        def handle(task: Task, task_id: TaskId) -> SomeTasks:
+        def handle(task: Task, _task_id: TaskId) -> SomeTasks:
             return self.factory.remote.handle(self, task)
 
         handle.__name__ = label
