@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from snr_sim.cli.arguments import AsJson
-from snr_sim.cli.output import print_json, print_text
-from snr_sim.cli.trust import Trust
+from snr_sim.cli.output import capture_output, print_json, print_text
+from snr_sim.cli.trust import Trust, ask
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
@@ -77,13 +78,9 @@ def machine(
 
         coverage(file, seeds, controller, min_percent, as_json=as_json)
     elif what == "diff":
-        from snr_sim.cli.machine_diff import diff
-
-        diff(_program_in(file, name, robot), _program_in(other, name, robot), other, as_json=as_json)
+        _diff(_program_in(file, name, robot), _program_in(other, name, robot), other, as_json)
     elif what == "edits":
-        from snr_sim.cli.machine_edits import edits
-
-        edits(run, out, trust=trust, as_json=as_json)
+        _edits(run, out, trust, as_json)
     elif what == "explore":
         _explore(_program_in(file, name, robot), file, as_json)
     elif what == "lag":
@@ -112,6 +109,51 @@ def _draw(program: Program, to: str, as_json: bool) -> None:
     from snr_sim.behaviors.export import draw
 
     print_text(draw(program, to), end="")  # type: ignore[arg-type]
+
+
+def _diff(old: Program, new: Program, file: str, as_json: bool) -> None:
+    """Print the differences of two programs; exit with status 1 if there are any."""
+    from snr_sim.behaviors.diff import differences
+
+    found = differences(old, new)
+    if as_json:
+        print_json({"differences": [one._asdict() for one in found]})
+    else:
+        for one in found:
+            where = f"{one.machine}: " if one.machine not in ("", one.name) else ""
+            print_text(f"{file}:{one.line}: {where}{one.what} {one.name} {one.how}")
+        print_text(f"{len(found) or 'no'} difference{'' if len(found) == 1 else 's'}")
+    if found:
+        raise typer.Exit(1)
+
+
+def _edits(run: Path, out: Path | None, trust: bool, as_json: bool) -> None:
+    """Write the edits of a run into a folder, run it again, and print whether its states change as they did."""
+    from snr_sim.cli.newest import trace_of
+    from snr_sim.scenario.machine_edits import TABLE, changes_again, edits_of, write
+    from snr_sim.scenario.replay_files import files_of_resim
+
+    trace = trace_of(run)
+    found = edits_of(trace)
+    folder = out or trace.path.parent / "edits"
+    write(found, folder)
+    first = folder / "0.lrp"
+    ask(trace.path.parent, files_of_resim(trace, str(first)), trust)
+    with capture_output(is_json=True):
+        is_same = changes_again(found, first) == found.changes
+    if as_json:
+        print_json({"folder": str(folder), "at_s": found.at_s, "identical": is_same, "left_out": found.others})
+    else:
+        count = len(found.at_s)
+        times = f": {', '.join(f'{at_s:g}' for at_s in found.at_s)} s" if count else ""
+        print_text(f"{count} {'edit' if count == 1 else 'edits'} of {found.name}{times}")
+        print_text(f"written to {folder}: 0.lrp to {count}.lrp, {TABLE}")
+        if found.others:
+            print_text(f"not written, because only edits of the text are: {', '.join(dict.fromkeys(found.others))}")
+        print_text("run again with them: " + ("identical" if is_same else "its states change differently"))
+    sys.stdout.flush()
+    if not is_same:
+        raise typer.Exit(1)
 
 
 def _explore(program: Program, file: str, as_json: bool) -> None:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 MAX_STEPS_SHOWN = 20
 NS_PER_S = 1e9
-MAX_S = 1e9  # of a run
 
 
 def why(
