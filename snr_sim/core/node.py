@@ -22,7 +22,7 @@ from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
 from snr_sim.core.lockstep import run_node
 from snr_sim.core.loop import Loop, LoopExecutor
-from snr_sim.core.machine import EventMachine
+from snr_sim.core.machine import EventMachine, HandlerError
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.node_report import NodeReport
@@ -138,8 +138,12 @@ class Node(NodeMembers):
         self.life.begin()
 
     def run_ready(self) -> None:
-        """Execute tasks until none is left or the node has ended: see `NodeLife.run_ready`."""
-        self.life.run_ready()
+        """Execute tasks until none is left or the node has ended; raise a ComponentFailedError if a handler raises."""
+        try:
+            self.machine.run_ready()
+        except HandlerError as failed:
+            failure = self.life.failure_of(failed)
+            raise failure from (None if failure is failed.__cause__ else failed.__cause__)
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Finish what is queued, then halt and terminates each component: see `NodeLife.end`."""
