@@ -19,11 +19,13 @@ if TYPE_CHECKING:
     from snr_sim.console.remote_console import RemoteConsole as RemoteConsole
     from snr_sim.core.clocks import SimClock as SimClock
     from snr_sim.core.clocks import WallClock as WallClock
+    from snr_sim.core.component import page as page
     from snr_sim.core.config import ComponentsByRole as ComponentsByRole
     from snr_sim.core.config import Config as Config
     from snr_sim.core.config import Mode as Mode
     from snr_sim.core.endpoint import Endpoint as Endpoint
     from snr_sim.core.endpoint import EndpointFactory as EndpointFactory
+    from snr_sim.core.endpoint import handles as handles
     from snr_sim.core.loop import Loop as Loop
     from snr_sim.core.loop import LoopFactory as LoopFactory
     from snr_sim.core.loop import ThreadLoop as ThreadLoop
@@ -34,8 +36,6 @@ if TYPE_CHECKING:
     from snr_sim.core.runners import SimRunner as SimRunner
     from snr_sim.core.runners import SynchronousRunner as SynchronousRunner
     from snr_sim.core.runners import TestRunner as TestRunner
-    from snr_sim.core.short_form import handles as handles
-    from snr_sim.core.short_form import page as page
     from snr_sim.links.faults import LinkFaults as LinkFaults
     from snr_sim.links.memory import MemoryLink as MemoryLink
     from snr_sim.links.pipes import PipeLoopFactory as PipeLoopFactory
@@ -64,18 +64,18 @@ if TYPE_CHECKING:
     from snr_sim.prelude.task import TaskId as TaskId
     from snr_sim.prelude.task import TaskName as TaskName
     from snr_sim.prelude.task import TaskType as TaskType
+    from snr_sim.recording.page_reader import PageReader as PageReader
+    from snr_sim.recording.page_reader import TextReader as TextReader
+    from snr_sim.recording.page_recorder import RecorderEndpointFactory as RecorderEndpointFactory
+    from snr_sim.recording.replayers import ListReplayer as ListReplayer
+    from snr_sim.recording.replayers import ListReplayerFactory as ListReplayerFactory
+    from snr_sim.recording.replayers import ReplayerLoop as ReplayerLoop
+    from snr_sim.recording.replayers import ReplayerLoopFactory as ReplayerLoopFactory
+    from snr_sim.recording.replayers import TextReplayer as TextReplayer
+    from snr_sim.recording.replayers import TextReplayerFactory as TextReplayerFactory
     from snr_sim.std_mods.moving_average import MovingAvgFilter as MovingAvgFilter
     from snr_sim.std_mods.moving_average import MovingAvgFilterFactory as MovingAvgFilterFactory
     from snr_sim.std_mods.printer import PrinterEndpointFactory as PrinterEndpointFactory
-    from snr_sim.std_mods.readers import PageReader as PageReader
-    from snr_sim.std_mods.readers import TextReader as TextReader
-    from snr_sim.std_mods.recorder import RecorderEndpointFactory as RecorderEndpointFactory
-    from snr_sim.std_mods.replayer import ListReplayer as ListReplayer
-    from snr_sim.std_mods.replayer import ListReplayerFactory as ListReplayerFactory
-    from snr_sim.std_mods.replayer import ReplayerLoop as ReplayerLoop
-    from snr_sim.std_mods.replayer import ReplayerLoopFactory as ReplayerLoopFactory
-    from snr_sim.std_mods.replayer import TextReplayer as TextReplayer
-    from snr_sim.std_mods.replayer import TextReplayerFactory as TextReplayerFactory
     from snr_sim.std_mods.timing import StopwatchEndpointFactory as StopwatchEndpointFactory
     from snr_sim.std_mods.timing import TimeoutLoopFactory as TimeoutLoopFactory
     from snr_sim.std_mods.timing import Timer as Timer

@@ -22,9 +22,9 @@ from snr_sim.core.thesis_members import LoggingMembers
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task
+from snr_sim.recording.page_recorder import RecorderEndpointFactory
+from snr_sim.recording.replayers import ListReplayer, ReplayerLoopFactory
 from snr_sim.std_mods.moving_average import MovingAvgFilterFactory
-from snr_sim.std_mods.recorder import RecorderEndpointFactory
-from snr_sim.std_mods.replayer import ListReplayer, ReplayerLoopFactory
 from snr_sim.std_mods.timing import Timer
 from snr_sim.supervision.multi_proc import MultiProcRunner
 from snr_sim.testing.expector import Expectations, ExpectorEndpointFactory, TaskExpectations

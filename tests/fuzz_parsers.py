@@ -41,17 +41,26 @@ from snr_sim.grading.remote import protocol
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.q_table import QTable
 from snr_sim.links.frames import encode_frame
-from snr_sim.links.messages import Auth, Bye, HelloMessage, Ping, Pong, RefusedMessage, decode_message, encode_message
+from snr_sim.links.messages import (
+    Auth,
+    Bye,
+    HelloMessage,
+    Ping,
+    Pong,
+    RefusedMessage,
+    decode_message,
+    decode_page,
+    encode_message,
+)
 from snr_sim.links.session import Session, SessionConfig
-from snr_sim.links.wire_bounds import decode_page
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.recording.compare_runs import compare_runs
 from snr_sim.recording.folder import trace_warnings
+from snr_sim.recording.page_reader import PageReader
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.sources import read_kept_files
 from snr_sim.scenario.replay_files import files_of_replay
-from snr_sim.std_mods.readers import PageReader
 from snr_sim.view.picture import draw_run
 from snr_sim.view.view import view_of
 from snr_sim.web.messages import decode_from_page

@@ -6,8 +6,9 @@ from types import ModuleType
 import pytest
 
 from snr_sim.core.config import AnyFactory
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import DozerCommand, EngineCommand, MotorCommand, PwmCommand

@@ -1,11 +1,16 @@
 """docs/tour.md shows the functions that a run really passes."""
 
-from tests.tour import PAGE, page, stored_page
+from collections.abc import Callable
+
+import pytest
+
+from tests.tour import PAGE, Walk, page, radar_reading, stick, stored_page
 
 
 def test_tour_is_what_a_run_shows() -> None:
     assert page() == PAGE.read_text(encoding="utf-8"), "python tests/tour.py --write"
 
 
-def test_life_of_a_stored_page_is_in_six_files() -> None:
-    assert len({file for file, _, _ in stored_page().steps.values()}) <= 6
+@pytest.mark.parametrize(("walk", "at_most"), [(stored_page, 6), (radar_reading, 21), (stick, 25)])
+def test_walk_is_in_few_files(walk: Callable[[], Walk], at_most: int) -> None:
+    assert len({file for file, _, _ in walk().steps.values()}) <= at_most

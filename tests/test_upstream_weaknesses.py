@@ -77,13 +77,13 @@ FURTHER = {
     ],
     4: [
         "core/test_machine.py::test_pages_stored_just_before_the_end_are_still_processed",
-        "std_mods/test_replayer.py::test_run_end_waits_for_slow_handler",
+        "recording/test_replayers.py::test_run_end_waits_for_slow_handler",
     ],
     17: [
         "core/test_threads.py::test_a_timeout_does_not_hold_up_the_end",
     ],
-    18: ["std_mods/test_recorder.py::test_second_start_continues_same_file"],
-    19: ["std_mods/test_recorder.py::test_unrecordable_page_is_reported_once_and_others_are_recorded"],
+    18: ["recording/test_page_recorder.py::test_second_start_continues_same_file"],
+    19: ["recording/test_page_recorder.py::test_unrecordable_page_is_reported_once_and_others_are_recorded"],
     20: ["core/test_runners.py::test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile"],
     23: ["prelude/test_task.py::test_tasks_with_the_same_contents_are_equal_and_have_one_hash"],
     24: ["prelude/test_task.py::test_each_task_has_a_list_of_its_own"],
@@ -95,7 +95,7 @@ FURTHER = {
         "testing/test_expector.py::test_exception_in_with_block_is_raised_unchanged",
         "testing/test_expector.py::test_failed_run_is_not_masked_by_missing_tasks",
     ],
-    30: ["std_mods/test_replayer.py::test_line_waits_for_answer_to_previous_line"],
+    30: ["recording/test_replayers.py::test_line_waits_for_answer_to_previous_line"],
 }
 
 

@@ -8,13 +8,16 @@ from __future__ import annotations
 import inspect
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
-from types import FrameType
+from types import CodeType, FrameType
 from typing import Any
 
 import snr_sim
 from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, TaskType, tasks
+from snr_sim.core.node_life import NodeLife
+from snr_sim.links.simulated import SimulatedPeer
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
@@ -24,22 +27,31 @@ PAGE = ROOT / "docs" / "tour.md"
 ROOMS = (f"{ROOT / 'snr_sim'}/", f"{ROOT / 'robots'}/")
 HEAD = """# A tour of the library
 
-Two walks through the code, each along one piece of data. Read the functions in this order: each row is a function that
-the data pass, listed where it is entered for the first time, with the first line of its docstring. The tables are made
-by running the code (`python tests/tour.py --write`); `tests/test_tour.py` fails when they are out of date.
+Three walks through the code, each along one piece of data. Read the functions in this order: each row is a function
+that the data pass, listed where it is entered for the first time, with the first line of its docstring. The tables are
+made by running the code (`python tests/tour.py --write`); `tests/test_tour.py` fails when they are out of date.
 """
+
+
+Starts = Mapping[CodeType, Callable[[dict[str, Any]], bool]]
 
 
 class Walk:
     """The functions that are entered while the walk is on.
 
+    Args:
+        starts: functions in which a part of the walk begins, each with a condition on its arguments; the rest of the
+            program is left out. By default nothing is left out.
+
     Attributes:
         steps: file, function and first line of its docstring, by the function's code, in order.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, starts: Starts | None = None) -> None:
         self.is_on: Callable[[], bool] = lambda: False
         self.steps: dict[Any, tuple[str, str, str]] = {}
+        self._starts = starts or {}
+        self._is_inside = [starts is None]  # for each of these functions that has not returned
 
     def follow(self, run: Callable[[], object]) -> None:
         """Run something, and note what is entered meanwhile."""
@@ -51,7 +63,14 @@ class Walk:
 
     def _on_call(self, frame: FrameType, event: str, value: Any) -> None:
         code = frame.f_code
-        if event != "call" or code in self.steps or not code.co_filename.startswith(ROOMS) or not self.is_on():
+        if code in self._starts and event == "call":
+            self._is_inside.append(self._is_inside[-1] or self._starts[code](frame.f_locals))
+        is_inside = self._is_inside[-1]
+        if code in self._starts and event == "return":
+            self._is_inside.pop()
+        if event != "call" or not is_inside or code in self.steps or not code.co_filename.startswith(ROOMS):
+            return
+        if not self.is_on():
             return
         if code.co_name[0] == "<":  # comprehensions and lambdas are read with what they are in
             return
@@ -69,6 +88,7 @@ class Walk:
         )
 
 
+@cache
 def stored_page() -> Walk:
     """Follow a page from the handler that stores it to the handler that processes it."""
     walk, states = Walk(), iter(("warm", "on", "off"))
@@ -106,9 +126,9 @@ def stored_page() -> Walk:
     return walk
 
 
-def simulated(scenario: str, from_s: float, until_s: float) -> Walk:
-    """Follow what happens in a recorded run of a scenario, seed 0, between two moments."""
-    walk, simulation = Walk(), prepare(Request(scenario, 0))
+def simulated(request: Request, from_s: float, until_s: float, starts: Starts | None = None) -> Walk:
+    """Follow what happens in a recorded run between two moments."""
+    walk, simulation = Walk(starts), prepare(request)
     plant = simulation.plant()
     config = simulation.config(plant)
     with tempfile.TemporaryDirectory() as folder:
@@ -116,14 +136,39 @@ def simulated(scenario: str, from_s: float, until_s: float) -> Walk:
         flight = SimulationRun(simulation, plant, config, recorder)
         clock = flight.nodes[0].clock
         walk.is_on = lambda: from_s <= clock.now_s() < until_s
+
+        def end() -> None:
+            for node in flight.nodes:
+                node.enqueue_input(tasks.terminate("end of the walk"), "tour")
+
+        clock.call_at(until_s, end)
         walk.follow(flight.run)
         recorder.close()
     return walk
 
 
+@cache
+def radar_reading() -> Walk:
+    """Follow a radar reading from the plant to the engine and into the trace."""
+    return simulated(Request("lander_vertical"), 1.0, 1.0 + 1e-6)
+
+
+@cache
+def stick() -> Walk:
+    """Follow the pilot's sticks of one moment to the vehicle, and the pulses of its answer into the trace."""
+    starts: Starts = {
+        NodeLife.call_loop.__code__: lambda names: names["loop"].name == "pilot",
+        Node.run_ready.__code__: lambda names: any(
+            source in ("pilot", "link_tether") for _, source in names["self"].inbox.waiting
+        ),
+        SimulatedPeer._deliver.__code__: lambda names: True,
+    }
+    controller = str(ROOT / "robots" / "urov" / "controller_template.py")
+    return simulated(Request("urov_sticks", controller=controller), 4.0, 4.015, starts)
+
+
 def page() -> str:
     """Return the page."""
-    radar = simulated("lander_vertical", 1.0, 1.0 + 1e-6)
     return "\n".join(
         [
             HEAD,
@@ -132,7 +177,11 @@ def page() -> str:
             stored_page().table(),
             "\n## A radar reading: from the plant to the engine and into the trace\n",
             "`snr run lander_vertical`, what happens at t = 1 s.\n",
-            radar.table(),
+            radar_reading().table(),
+            "\n## A pilot's stick: from the surface through the tether to the pulses of the thrusters\n",
+            "`snr run urov_sticks --controller robots/urov/controller_template.py`, from t = 4 s on, and only what the",
+            "pilot's sticks and the pages that follow from them pass.\n",
+            stick().table(),
             "",
         ]
     )

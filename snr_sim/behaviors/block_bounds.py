@@ -81,21 +81,21 @@ def multiply(m: Any, left: Any, right: Any) -> Any:
     return made(m, left * right)
 
 
-def power(m: Any, base: Any, exponent: Any) -> Any:
+def power(_m: Any, base: Any, exponent: Any) -> Any:
     """Return a power; an integer is refused before it is computed if it is too large."""
     if isinstance(base, int) and isinstance(exponent, int) and base.bit_length() * exponent > MAX_BITS:
         raise BlockError(f"{base} ** {exponent:.6g} has more than {MAX_BITS} bits.")
     return base**exponent
 
 
-def shift(m: Any, value: Any, bits: Any) -> Any:
+def shift(_m: Any, value: Any, bits: Any) -> Any:
     """Return a shifted integer; one that would be too large is refused."""
     if isinstance(value, int) and isinstance(bits, int) and value.bit_length() + bits > MAX_BITS:
         raise BlockError(f"The shifted integer has more than {MAX_BITS} bits.")
     return value << bits
 
 
-def modulo(m: Any, left: Any, right: Any) -> Any:
+def modulo(_m: Any, left: Any, right: Any) -> Any:
     """Return a remainder; formatting by % is refused."""
     if isinstance(left, str):
         raise BlockError("Text is not formatted by % here: use an f-string.")

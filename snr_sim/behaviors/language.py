@@ -437,7 +437,7 @@ class _Language:
             state for one in forms if first_word(one) == "state" for state in self._notes.tried(self._state, one, names)
         ]
         targets = [one.name for one in states]
-        around = self._states_around(machine)
+        around = self._states_around()
         transitions = [
             transition
             for one in forms
@@ -449,7 +449,7 @@ class _Language:
                 self._notes.add(event.place, f"No transition uses the event '{word}'.", is_error=False)
         return MachineDef(name, tuple(states), tuple(transitions), own, machine.form.place)
 
-    def _states_around(self, machine: _Machine) -> list[str] | None:
+    def _states_around(self) -> list[str] | None:
         """Return the names of the states of the machine in whose state a machine is spawned; None at the top."""
         if len(self._inside) < 2:
             return None

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from snr_sim.grading.batch.class_folder import ClassFolder
     from snr_sim.grading.batch.cluster import ClusterWorkers
     from snr_sim.grading.batch.stop_signals import StopSignals
-    from snr_sim.grading.batch.submissions import Submission
     from snr_sim.grading.lab.lab import Lab
     from snr_sim.grading.reports.class_reports import Summary
     from snr_sim.grading.reports.results import Graded, RequestedIsolation
@@ -128,7 +127,7 @@ def _grade_class(
             summary, no_picture = write_class_files(folder, lab.title)
         if no_picture:
             _print_note(no_picture)
-        _print_summary(folder, submissions, summary, as_json)
+        _print_summary(folder, summary, as_json)
         return 1 if summary.grader_errors else 0
     except KeyboardInterrupt:
         _print_note(f"What is done is kept in {folder.path}: continue with --resume.")
@@ -187,7 +186,7 @@ def _progress(total: int) -> Iterator[Callable[[Graded], None]]:
         yield on_graded
 
 
-def _print_summary(folder: ClassFolder, submissions: list[Submission], summary: Summary, as_json: bool) -> None:
+def _print_summary(folder: ClassFolder, summary: Summary, as_json: bool) -> None:
     if as_json:
         graded = folder.every_result()
         print_json({

@@ -35,7 +35,7 @@ def end_by_default() -> None:
             signal.signal(number, signal.SIG_DFL)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
+def _interrupt(number: int, _frame: FrameType | None) -> None:
     stopped_by.append(number)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, _end_if_stuck)
@@ -43,7 +43,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt(number)
 
 
-def _end_if_stuck(number: int, frame: FrameType | None) -> None:
+def _end_if_stuck(_number: int, frame: FrameType | None) -> None:
     from snr_sim.core.interrupts import write_stderr
     from snr_sim.core.source_location import INTERRUPT_FIX, current_location
 

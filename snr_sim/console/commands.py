@@ -115,7 +115,7 @@ def _unwatch(session: ConsoleSession, given: Given) -> CommandResult:
     return session.unwatch(given.get("KEY"))
 
 
-def _help(session: ConsoleSession, given: Given) -> CommandResult:
+def _help(_session: ConsoleSession, given: Given) -> CommandResult:
     name = given.get("COMMAND")
     if name is None:
         return CommandResult(help_text(TABLE), sorted(TABLE))

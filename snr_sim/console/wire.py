@@ -14,8 +14,7 @@ import msgspec
 
 from snr_sim.console.parsing import MAX_LINE_CHARS, CommandResult
 from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
-from snr_sim.links.messages import decoder_of
-from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
+from snr_sim.links.messages import WIRE_KINDS, check_bounds, decoder_of
 from snr_sim.prelude.values import TAG, decode_value, encode_value
 
 SECRET_IS = ("token", "the node's token, by --token-file FILE or the variable SNR_TOKEN; in a program by token=")

@@ -1,6 +1,9 @@
 """Base of endpoints and loops: a name in a node, and access to its pages, time and random numbers.
 
 A page holds a copy of its data from the time of its creation. Parts of the program are rejected, other objects noted.
+Data are plain: with `@page("radar")` above a msgspec Struct `Radar` they are a dict with the Struct's fields, so traces
+and links need not know the class. `get_data(Radar)` and `@handles(Radar)` return the dict as a `Radar`; storing one
+checks its fields.
 """
 
 from __future__ import annotations
@@ -13,14 +16,15 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
+import msgspec
+
 from snr_sim.core.factory import ComponentFactory, FactoryOfClass
-from snr_sim.core.short_form import declared_key, from_page, is_declared, to_page
 from snr_sim.core.source_location import SourceLocation, current_location, is_student_file
 from snr_sim.core.thesis_members import ComponentMembers
-from snr_sim.prelude.errors import TaskError
+from snr_sim.prelude.errors import ConfigError, TaskError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.task import IMMUTABLE, DataKey, Page, SomeTasks, Task, TaskType, snapshot
+from snr_sim.prelude.task import IMMUTABLE, DataKey, Page, SomeTasks, Task, TaskType, ensure_type_info, snapshot
 from snr_sim.prelude.text import visible
 from snr_sim.prelude.values import is_of_program
 
@@ -29,9 +33,12 @@ if TYPE_CHECKING:
 
 
 Data = TypeVar("Data")
+StructClass = TypeVar("StructClass", bound=type[msgspec.Struct])
 CORE_NAME = "node_core"  # the node's own endpoint
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 _CORE = Path(__file__).parent
+_KEY = "__snr_page_key__"  # attribute of a class that `page` declares
+_PLAIN = (bool, int, float, str, list, tuple, dict)  # of an attribute that was meant to be a field
 _FIX = "store numbers, text, lists, dicts, numpy arrays, or dataclasses of these."
 
 
@@ -140,6 +147,44 @@ class NodeComponent(ComponentMembers):
         return ComponentLog(logging.getLogger(f"snr.{self.parent.name}.{self.name}"), self)
 
 
+class ComponentLog(logging.LoggerAdapter[logging.Logger]):
+    """A component's logger: its messages are recorded, whether or not they are shown."""
+
+    def __init__(self, logger: logging.Logger, component: NodeComponent) -> None:
+        super().__init__(logger, {})
+        self._component = component
+
+    def log(self, level: int, msg: object, *args: object, **options: Any) -> None:
+        """Record and show a message; the other methods call this one. A wrong call is noted."""
+        if level >= logging.INFO or self.isEnabledFor(level):
+            msg, args = self._text_of(level, msg, args), ()
+        if level >= logging.INFO:
+            self._component.parent.record_text(self._component.name, logging.getLevelName(level), f"{msg}\n")
+            if type(msg) is str:
+                msg = visible(msg)  # part of a peer's page, perhaps, and for a terminal
+        options["stacklevel"] = options.get("stacklevel", 1) + 1
+        super().log(level, msg, *args, **options)
+
+    def _text_of(self, level: int, msg: object, args: tuple[object, ...]) -> object:
+        """Return a message as logging formats it. Logging itself would print the whole stack at each wrong call."""
+        if not args and type(msg) is str:
+            return msg
+        try:
+            # As LogRecord.getMessage, without making a record, which takes ten times as long.
+            values = args[0] if len(args) == 1 and isinstance(args[0], Mapping) and args[0] else args
+            return str(msg) % values if args else str(msg)
+        except Exception as error:  # also of an object's own __str__
+            kind, name = type(error).__name__, self._component.name
+            text = f"a message of {type(msg).__name__} and {len(args)} values cannot be worded: {kind}"
+            if level >= logging.INFO:  # shown or not, so that a replay notes it too
+                location = current_location(sys._getframe())
+                self._component.parent.add_note(
+                    f"'{name}' logs {text}: {error}\n  Try: as many values as the text has % marks, or an f-string.",
+                    "" if location is None else f"{location}\n  ",
+                )
+            return text
+
+
 def check_key(key: Any, data: Any) -> None:
     """Raise a TaskError unless a page can have this key."""
     if isinstance(key, str):
@@ -220,39 +265,126 @@ def _paths_to(found: Any, value: Any, path: str) -> Iterator[str]:
             yield from _paths_to(found, getattr(value, name), f"{path}.{name}")
 
 
-class ComponentLog(logging.LoggerAdapter[logging.Logger]):
-    """A component's logger: its messages are recorded, whether or not they are shown."""
+def page(key: DataKey) -> Callable[[StructClass], StructClass]:
+    """Declare a msgspec Struct as the data of the page with this key.
 
-    def __init__(self, logger: logging.Logger, component: NodeComponent) -> None:
-        super().__init__(logger, {})
-        self._component = component
+    Args:
+        key: of the page.
 
-    def log(self, level: int, msg: object, *args: object, **options: Any) -> None:
-        """Record and show a message; the other methods call this one. A wrong call is noted."""
-        if level >= logging.INFO or self.isEnabledFor(level):
-            msg, args = self._text_of(level, msg, args), ()
-        if level >= logging.INFO:
-            self._component.parent.record_text(self._component.name, logging.getLevelName(level), f"{msg}\n")
-            if type(msg) is str:
-                msg = visible(msg)  # part of a peer's page, perhaps, and for a terminal
-        options["stacklevel"] = options.get("stacklevel", 1) + 1
-        super().log(level, msg, *args, **options)
+    Raises:
+        ConfigError: the key is not text, or the class is not a Struct.
 
-    def _text_of(self, level: int, msg: object, args: tuple[object, ...]) -> object:
-        """Return a message as logging formats it. Logging itself would print the whole stack at each wrong call."""
-        if not args and type(msg) is str:
-            return msg
-        try:
-            # As LogRecord.getMessage, without making a record, which takes ten times as long.
-            values = args[0] if len(args) == 1 and isinstance(args[0], Mapping) and args[0] else args
-            return str(msg) % values if args else str(msg)
-        except Exception as error:  # also of an object's own __str__
-            kind, name = type(error).__name__, self._component.name
-            text = f"a message of {type(msg).__name__} and {len(args)} values cannot be worded: {kind}"
-            if level >= logging.INFO:  # shown or not, so that a replay notes it too
-                location = current_location(sys._getframe())
-                self._component.parent.add_note(
-                    f"'{name}' logs {text}: {error}\n  Try: as many values as the text has % marks, or an f-string.",
-                    "" if location is None else f"{location}\n  ",
+    >>> @page("radar")
+    ... class Radar(msgspec.Struct):
+    ...     altitude_m: float
+    ...     velocity_mps: float
+    >>> from_page(Radar, {"altitude_m": 120, "velocity_mps": -8.5, "stamp_s": 2.0}).altitude_m
+    120.0
+    """
+    given_key: object = key
+    if not isinstance(given_key, str):
+        raise ConfigError(f"@page is given {key!r} instead of the key of a page.", fix='write @page("radar").')
+
+    def declare(kind: StructClass) -> StructClass:
+        given: object = kind  # any class, whatever the annotation says
+        if not isinstance(given, msgspec.StructMeta):
+            name = getattr(kind, "__name__", repr(kind))
+            raise ConfigError(
+                f'@page("{key}") is on {name}, which is not a msgspec.Struct.', fix=f"class {name}(msgspec.Struct):"
+            )
+        for name, value in list(vars(kind).items()):
+            if (
+                isinstance(value, _PLAIN)
+                and name not in kind.__annotations__
+                and not (name.isupper() or name[0] == "_")
+            ):
+                raise ConfigError(
+                    f'@page("{key}") is on {kind.__name__}, whose {name} has no type, so it is not a field.',
+                    fix=f"{name}: {type(value).__name__} = {value!r}",
                 )
-            return text
+        setattr(kind, _KEY, key)
+        return kind
+
+    return declare
+
+
+def declared_key(kind: object) -> DataKey:
+    """Return the key of the page that a class declares; raise a ConfigError if it declares none."""
+    key = getattr(kind, _KEY, None) if isinstance(kind, type) else None
+    if not isinstance(key, str):
+        name = getattr(kind, "__name__", repr(kind))
+        raise ConfigError(
+            f"{name} is neither the key of a page nor a class that declares one.",
+            fix=f'pass the key as text, such as "radar", or write @page("radar") above class {name}(msgspec.Struct).',
+        )
+    return key
+
+
+def from_page(kind: type[Data], data: object) -> Data:
+    """Return the data of a page as an object of its declared class; the caller may change it.
+
+    Raises:
+        TaskError: the data do not fit the class.
+    """
+    try:
+        return msgspec.convert(data, ensure_type_info(kind), from_attributes=True)
+    except msgspec.ValidationError:
+        pass  # it may hold numpy's numbers, which msgspec does not take for numbers
+    try:
+        return msgspec.convert(_plain(data), ensure_type_info(kind), from_attributes=True)
+    except msgspec.ValidationError as error:
+        key = declared_key(kind)
+        raise TaskError(
+            f"Page '{key}' does not fit {kind.__name__}: {_reason(error)}.",
+            fix=f'get_data("{key}") returns what the page holds; compare it with the fields of {kind.__name__}.',
+        ) from error
+
+
+def to_page(key: DataKey, data: msgspec.Struct) -> dict[str, Any]:
+    """Return the fields of an object of a declared class as a dict, checked against the types of its fields.
+
+    Raises:
+        TaskError: the class is declared for another page, or a field does not fit its type.
+    """
+    kind = type(data)
+    own_key = declared_key(kind)
+    if own_key != key:
+        raise TaskError(
+            f"Page '{key}' is given a {kind.__name__}, which is declared as page '{own_key}'.",
+            fix=f"store_data(\"{own_key}\", ...), or another class for page '{key}'.",
+        )
+    try:
+        checked = msgspec.convert(_plain(data), ensure_type_info(kind))
+    except msgspec.ValidationError as error:
+        raise TaskError(f"Page '{key}' is given a {kind.__name__} that is not valid: {_reason(error)}.") from error
+    fields: dict[str, Any] = _plain(checked)
+    return fields
+
+
+def is_declared(data: object) -> bool:
+    """Return whether data are an object of a class that `page` declares."""
+    return hasattr(type(data), _KEY)  # asks the class only: an object may raise when it is inspected
+
+
+def _reason(error: msgspec.ValidationError) -> str:
+    """Return msgspec's message with the path to the field in Python's words.
+
+    >>> _reason(msgspec.ValidationError("Expected `float`, got `str` - at `$.start.altitude_m`"))
+    'Expected `float`, got `str` in field `start.altitude_m`'
+    """
+    return str(error).replace(" - at `$.", " in field `")
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with each Struct in it as a dict, and each number of numpy as Python's."""
+    if isinstance(value, msgspec.Struct):
+        return {
+            encoded: _plain(getattr(value, name))
+            for name, encoded in zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True)
+        }
+    if type(value) is list:
+        return [_plain(item) for item in value]
+    if type(value) is dict:
+        return {key: _plain(item) for key, item in value.items()}
+    numpy = sys.modules.get("numpy")
+    return value.item() if numpy is not None and isinstance(value, numpy.generic) else value

@@ -7,11 +7,10 @@ import inspect
 from collections.abc import Iterable
 from typing import Any
 
-from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.endpoint import Endpoint, EndpointFactory, is_decorated
 from snr_sim.core.handlers import check_returns
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.short_form import is_decorated
 from snr_sim.core.source_location import (
     after_line,
     class_location,

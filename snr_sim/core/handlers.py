@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
 from types import AsyncGeneratorType, CodeType, CoroutineType, FunctionType, GeneratorType, MethodType
 from typing import Any, TypeAlias
 from weakref import WeakSet
 
-from snr_sim.core.page_changes import watch_page
 from snr_sim.core.profiler import Profiler
+from snr_sim.core.source_location import location_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, TaskError, suggest
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId, TaskName, TaskType
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId, TaskName, TaskType, snapshot
 
 # One handler to call: its component, the function, the id it was registered for, and the names of both for the trace.
 Entry: TypeAlias = tuple[Component, TaskHandler, TaskId, tuple[str, str]]
+
+COPY_FIX = "change a copy: {0} = dict({0}), or list({0})."
 
 # Functions that passed the check: each is checked once, however many components use it.
 _checked: WeakSet[FunctionType] = WeakSet()
@@ -273,3 +276,41 @@ def describe(task_id: TaskId) -> str:
     "event 'start'"
     """
     return f"{task_id[0].value} '{task_id[1]}'" if isinstance(task_id, tuple) else f"every {task_id.value}"
+
+
+def watch_page(label: tuple[str, str], handler: TaskHandler, add_note: Callable[[str, str], None]) -> TaskHandler:
+    """Return a wrapper of a handler of `process_data` that notes when it has changed the page's data.
+
+    Other components that handle the page get the changed data. `scenario/controller_source.py` finds assignments to any
+    page in the source.
+
+    Args:
+        label: names of component and handler.
+        handler: the handler.
+        add_note: adds a note, with the student's lines that it is about.
+    """
+
+    @wraps(handler)
+    def call(task: Task, task_id: TaskId) -> SomeTasks:
+        page = task.page
+        if page is None or type(page.data) not in (dict, list):
+            return handler(task, task_id)
+        before = snapshot(page.data, [])
+        returned = handler(task, task_id)
+        if _is_changed(before, page.data):
+            location = location_of(handler)
+            add_note(
+                f"{label[1]}() of '{label[0]}' changes the page '{page.key}' that it reads: other components get what "
+                f"it has made of it.\n  Try: {COPY_FIX.format(page.key)}",
+                "" if location is None else f"{location}\n  ",
+            )
+        return returned
+
+    return call
+
+
+def _is_changed(before: Any, data: Any) -> bool:
+    try:
+        return bool(before != data)
+    except Exception:  # of arrays, and of objects with an __eq__ of their own: not known
+        return False

@@ -55,7 +55,7 @@ def error_message(error: BaseException) -> str:
     return re.sub(r" \((/|[A-Z]:)[^()]*\.py\)", "", str(error)) if isinstance(error, ImportError) else str(error)
 
 
-def _of_syntax(error: Any, trace: object) -> str:
+def _of_syntax(error: Any, _trace: object) -> str:
     message = error.msg or ""
     if isinstance(error, IndentationError):
         return "give it as many spaces as the other lines of its block have; four more after a line that ends in ':'."
@@ -72,7 +72,7 @@ def _of_syntax(error: Any, trace: object) -> str:
     return "look at this line and at the end of the one before: a missing bracket, comma, colon or quote."
 
 
-def _of_import(error: Any, trace: object) -> str:
+def _of_import(error: Any, _trace: object) -> str:
     if "circular import" in str(error):
         return "the two files import each other: move what both need into a third file, and import that in both."
     found = re.search(r"cannot import name '([^']*)' from '([^']*)'", str(error))
@@ -142,7 +142,7 @@ def _of_key(error: Any, trace: TracebackType | None) -> str:
     return "look up what keys it has: print(list(...)); or ask with .get(key), which gives None."
 
 
-def _of_index(error: Any, trace: TracebackType | None) -> str:
+def _of_index(_error: Any, trace: TracebackType | None) -> str:
     owner = _indexed(trace)
     if isinstance(owner, (list, tuple, str)):
         has = f"it has {len(owner)}, so 0 to {len(owner) - 1}" if owner else "it is empty"

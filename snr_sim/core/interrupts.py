@@ -62,7 +62,7 @@ def graceful_shutdown(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
         yield caught
         return
 
-    def on_signal(number: int, frame: FrameType | None) -> None:
+    def on_signal(number: int, _frame: FrameType | None) -> None:
         caught.append(signal.Signals(number).name)
         if len(caught) > 1:
             for node in nodes:
@@ -74,7 +74,7 @@ def graceful_shutdown(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, GRACE_PERIOD_S, GRACE_PERIOD_S)
 
-    def on_timer(number: int, frame: FrameType | None) -> None:
+    def on_timer(number: int, _frame: FrameType | None) -> None:
         escalations.append(number)
         for node in nodes:
             before, running = running_before.get(node.name), node.machine.running

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from snr_sim.core.clocks import SimClock
+from snr_sim.core.machine import EventMachine
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.runaway import TaskLimit
+from snr_sim.core.runaway import endless_failure, flood_failure
 from snr_sim.core.watchdog import Watchdog
 from snr_sim.prelude.errors import ComponentFailedError
 
 NO_MORE_EVENTS = "nothing left to do"
 TIME_LIMIT = "time limit"
+# After a rollback the old code handles what the new code has queued, so there may be this many times as many tasks.
+MAX_LEFTOVER = 10
 
 
 def run_node(node: NodeParts) -> None:
@@ -30,6 +34,56 @@ def run_node(node: NodeParts) -> None:
         return ""
 
     _run_watched([node], run)
+
+
+class TaskLimit:
+    """Limit on the tasks that each machine of a run executes at one instant of virtual time.
+
+    Tasks that schedule each other endlessly, or ticks of a loop at one moment (`next_tick_at_s` in the past), would
+    stop the clock. The run then ends, unless new code on probation is among what repeats, which is rolled back. The
+    machine counts to the limit anyway, so it costs nothing; a replay needs none, as it executes what a trace contains.
+    """
+
+    def __init__(self, nodes: Sequence[NodeParts], clock: SimClock) -> None:
+        self._nodes = nodes
+        self._clock = clock
+        self._machines: list[tuple[EventMachine, int]] = [
+            (node.machine, node.config.max_tasks_per_moment) for node in nodes
+        ]
+        self._inputs: dict[str, tuple[float, int]] = {}  # by node: time [s] of its last burst, inputs in bursts there
+        for node in nodes:
+            node.machine.on_burst = partial(self._count_burst, node)
+
+    def begin(self) -> None:
+        """Reset each node's number of tasks for a new instant."""
+        for machine, at_most in self._machines:
+            machine.max_executed = machine.executed + at_most
+
+    def _count_burst(self, node: NodeParts, count: int) -> None:
+        """Raise a ComponentFailedError if a node has accepted more inputs at this moment than it may execute."""
+        now_s = self._clock.now_s()
+        before_s, inputs = self._inputs.get(node.name, (now_s, 0))
+        inputs = count + (inputs if before_s == now_s else 0)
+        self._inputs[node.name] = now_s, inputs
+        if inputs > node.config.max_tasks_per_moment:
+            raise flood_failure(node, inputs)
+
+    def check(self) -> bool:
+        """Return whether a node that had reached its limit may continue, as the code that caused it is rolled back.
+
+        Raises:
+            ComponentFailedError: a node has reached its limit and still has tasks. It names the tasks.
+        """
+        may_continue = False
+        for machine, at_most in self._machines:
+            if machine.executed >= machine.max_executed and machine.queued and not machine.is_ended:
+                node = next(node for node in self._nodes if node.machine is machine)
+                failure = endless_failure(self._nodes, node, self._clock)
+                if not node.blame_suspects(failure):
+                    raise failure
+                machine.max_executed = machine.executed + MAX_LEFTOVER * (at_most + machine.queued)
+                may_continue = True
+        return may_continue
 
 
 class LockStep:

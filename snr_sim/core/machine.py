@@ -28,7 +28,7 @@ from snr_sim.prelude.task import Task, TaskType
 DRAIN_GENERATIONS = 10
 # On the wall clock it also takes no longer than this: shutdown of a robot must not wait for a long queue.
 MAX_DRAIN_S = 0.3
-BURST_TASKS = 1000  # inputs in the inbox at once that are counted, for the limit in core/runaway.py
+BURST_TASKS = 1000  # inputs in the inbox at once that are counted, for the limit in core/lockstep.py
 _TERMINATE = TaskType.terminate
 
 
@@ -61,7 +61,7 @@ class EventMachine:
         self.inbox: Inbox = inbox
         self.now_s: float = 0.0
         self.executed: int = 0
-        self.max_executed: int = sys.maxsize  # limit of `run_ready`: see core/runaway.py
+        self.max_executed: int = sys.maxsize  # limit of `run_ready`: see core/lockstep.py
         self.accepted: int = 0  # inputs
         self.on_burst: Callable[[int], None] = lambda count: None  # so many inputs are accepted now
         self.longest_queue: int = 0  # right after inputs were queued: there it grows if inputs arrive too fast

@@ -13,30 +13,33 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.clocks import ClockExecutor, SimClock, WallClock
-from snr_sim.core.component import data_of_page
+from snr_sim.core.component import CORE_NAME, data_of_page
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, page_age_s
-from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
 from snr_sim.core.lockstep import run_node
 from snr_sim.core.loop import Loop, LoopExecutor
-from snr_sim.core.machine import EventMachine
-from snr_sim.core.node_core import NodeCore
+from snr_sim.core.machine import EventMachine, HandlerError
 from snr_sim.core.node_life import NodeLife
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.node_report import NodeReport
 from snr_sim.core.profiler import Profiler
+from snr_sim.core.reload.reload import ComponentManager
+from snr_sim.core.reload.rollback import Probations
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.run_diagnostics import find_writer
 from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.core.thread_executor import ThreadExecutor
+from snr_sim.prelude import tasks
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
 from snr_sim.prelude.recorder import Recorder
 from snr_sim.prelude.rng import component_seed, rng_for
-from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskName, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskId, TaskName, TaskType
 
 if TYPE_CHECKING:
     import numpy as np
@@ -135,8 +138,12 @@ class Node(NodeMembers):
         self.life.begin()
 
     def run_ready(self) -> None:
-        """Execute tasks until none is left or the node has ended: see `NodeLife.run_ready`."""
-        self.life.run_ready()
+        """Execute tasks until none is left or the node has ended; raise a ComponentFailedError if a handler raises."""
+        try:
+            self.machine.run_ready()
+        except HandlerError as failed:
+            failure = self.life.failure_of(failed)
+            raise failure from (None if failure is failed.__cause__ else failed.__cause__)
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Finish what is queued, then halt and terminates each component: see `NodeLife.end`."""
@@ -331,3 +338,42 @@ class Node(NodeMembers):
         """
         if self._recorder is not None:
             self._recorder.record_text(self.get_time_s(), component, level, text)
+
+
+class NodeCore(Endpoint):
+    """The node's own endpoint, first of its components: it stores pages, and changes or ends the node.
+
+    A page is stored before any other component handles the task, and then its processing is scheduled. The
+    page `reload`, `add_component` or `remove_component` has the outcome of such a task.
+    """
+
+    is_robot_component = False
+
+    def __init__(self, parent: NodeParts, life: NodeLife, storage: PageStorage) -> None:
+        super().__init__(EndpointFactory(), parent, CORE_NAME)
+        self._node = parent
+        manager = ComponentManager(life, self)
+        self.task_handlers = {
+            TaskType.store_page: storage.store,
+            TaskType.terminate: self.end_node,
+            TaskType.reload: manager.reload,
+            (TaskType.event, tasks.ADD_COMPONENT_TASK_NAME): manager.add_component,
+            (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): manager.remove_component,
+            (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): manager.remove_component,
+            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): Probations(manager).roll_back,
+            (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
+        }
+
+    def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """End the node; the task's name is the reason."""
+        if self._node.exit_reason is None:
+            self._node.exit_reason = task.name
+        self._node.machine.is_ended = True
+        return None
+
+    def finish(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Requeue the task as often as its second value states, then end the node."""
+        reason, generations = task.val_list
+        if generations > 0:
+            return Task(task.type, task.name, [reason, generations - 1])
+        return tasks.terminate(reason)

@@ -109,15 +109,7 @@ class NodeLife:
         """Return whether a component has begun and has not been terminated."""
         return any(one is component for one in self._begun)
 
-    def run_ready(self) -> None:
-        """Execute tasks until none is left or the node has ended; raise a ComponentFailedError if a handler raises."""
-        try:
-            self.node.machine.run_ready()
-        except HandlerError as failed:
-            failure = self._failure_of(failed)
-            raise failure from (None if failure is failed.__cause__ else failed.__cause__)
-
-    def _failure_of(self, failed: HandlerError) -> BaseException:
+    def failure_of(self, failed: HandlerError) -> BaseException:
         """Return what a handler raised as a failure; an interrupt is not one: it is recorded, and returned itself."""
         cause = failed.__cause__
         assert cause is not None
@@ -203,7 +195,7 @@ class NodeLife:
                     "or they would have taken too long."
                 )
         except HandlerError as failed:
-            cause = self._failure_of(failed)
+            cause = self.failure_of(failed)
             if isinstance(cause, ComponentFailedError):
                 failures.append(cause)
         except ComponentFailedError as failure:

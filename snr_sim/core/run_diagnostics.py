@@ -185,7 +185,7 @@ def own_writers(key: DataKey, components: Iterable[Component]) -> list[PageWrite
     return [one for one in writers_of(key, components) if not is_content(one.location.file)]
 
 
-def no_writers(key: DataKey, components: Iterable[Component]) -> list[PageWriter]:
+def no_writers(_key: DataKey, _components: Iterable[Component]) -> list[PageWriter]:
     """Find no lines."""
     return []
 

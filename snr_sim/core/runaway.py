@@ -1,21 +1,17 @@
-"""Limit on tasks per instant of virtual time: tasks that schedule each other endlessly would stop the clock.
+"""Failures of a run in which virtual time stands still: they name the tasks that repeat, or who brings them.
 
-Above `Config.max_tasks_per_moment`, some more tasks are executed one by one to name those that repeat, and the run
-ends, unless new code on probation is among them, which is rolled back. So do as many ticks of one loop at one moment
-(`next_tick_at_s` in the past). `run_ready` counts to the limit anyway, so it costs nothing; a replay needs none, as it
-executes what the trace contains.
+Above the limit of `core/lockstep.py` some more tasks are executed one by one to find those that schedule each other.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.handlers import describe
-from snr_sim.core.machine import EventMachine, HandlerError
+from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.run_diagnostics import writers_of
 from snr_sim.core.source_location import SourceLocation, after_line, location_of
@@ -24,8 +20,6 @@ from snr_sim.prelude.task import Task
 
 WATCHED_TASKS = 60  # executed one by one above the limit, to find which schedules which
 SHOWN_TASKS = 12
-# After a rollback the old code handles what the new code has queued, so there may be this many times as many tasks.
-MAX_LEFTOVER = 10
 ENDLESS_FIX = (
     "let a Loop bring in what is to happen again, at its max_tick_rate_hz; a handler answers a page with another key, "
     "or only when something has changed."
@@ -43,51 +37,6 @@ class ExecutedTask(NamedTuple):
     def __str__(self) -> str:
         called = [label if location is None else f"{label} ({location})" for label, location in self.handlers]
         return f"[{self.node}] {self.task}" + (f" -> {', '.join(called)}" if called else "")
-
-
-class TaskLimit:
-    """Limit on the machines of a run, reset at each instant."""
-
-    def __init__(self, nodes: Sequence[NodeParts], clock: SimClock) -> None:
-        self._nodes = nodes
-        self._clock = clock
-        self._machines: list[tuple[EventMachine, int]] = [
-            (node.machine, node.config.max_tasks_per_moment) for node in nodes
-        ]
-        self._inputs: dict[str, tuple[float, int]] = {}  # by node: time [s] of its last burst, inputs in bursts there
-        for node in nodes:
-            node.machine.on_burst = partial(self._count_burst, node)
-
-    def begin(self) -> None:
-        """Reset each node's number of tasks for a new instant."""
-        for machine, at_most in self._machines:
-            machine.max_executed = machine.executed + at_most
-
-    def _count_burst(self, node: NodeParts, count: int) -> None:
-        """Raise a ComponentFailedError if a node has accepted more inputs at this moment than it may execute."""
-        now_s = self._clock.now_s()
-        before_s, inputs = self._inputs.get(node.name, (now_s, 0))
-        inputs = count + (inputs if before_s == now_s else 0)
-        self._inputs[node.name] = now_s, inputs
-        if inputs > node.config.max_tasks_per_moment:
-            raise _flood(node, inputs)
-
-    def check(self) -> bool:
-        """Return whether a node that had reached its limit may continue, as the code that caused it is rolled back.
-
-        Raises:
-            ComponentFailedError: a node has reached its limit and still has tasks. It names the tasks.
-        """
-        may_continue = False
-        for machine, at_most in self._machines:
-            if machine.executed >= machine.max_executed and machine.queued and not machine.is_ended:
-                node = next(node for node in self._nodes if node.machine is machine)
-                failure = _failure(node, cycle_of(watch(self._nodes, self._clock)))
-                if not node.blame_suspects(failure):
-                    raise failure
-                machine.max_executed = machine.executed + MAX_LEFTOVER * (at_most + machine.queued)
-                may_continue = True
-        return may_continue
 
 
 def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[ExecutedTask]:
@@ -132,7 +81,7 @@ def cycle_of(steps: Sequence[ExecutedTask]) -> list[ExecutedTask]:
     return newest[-SHOWN_TASKS:]
 
 
-def _flood(node: NodeParts, count: int) -> ComponentFailedError:
+def flood_failure(node: NodeParts, count: int) -> ComponentFailedError:
     """Return the failure of a component that has brought more inputs at one moment than may be executed."""
     waiting = list(node.inbox.waiting)
     ((task_id, source), _), *_ = Counter((task.id(), source) for task, source in waiting).most_common(1)
@@ -147,7 +96,9 @@ def _flood(node: NodeParts, count: int) -> ComponentFailedError:
     return ComponentFailedError(f"{message}\n  Try: {fix}", node.name, source)
 
 
-def _failure(node: NodeParts, cycle: Sequence[ExecutedTask]) -> ComponentFailedError:
+def endless_failure(nodes: Sequence[NodeParts], node: NodeParts, clock: SimClock) -> ComponentFailedError:
+    """Return the failure of a node that has reached its limit and still has tasks; executes some of all nodes'."""
+    cycle = cycle_of(watch(nodes, clock))
     locations = [location for step in cycle for _, location in step.handlers if location is not None]
     lines = [str(step) for step in cycle[:SHOWN_TASKS]]
     if len(cycle) > SHOWN_TASKS:

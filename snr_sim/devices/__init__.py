@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.devices.commands import ActuatorLoopFactory as ActuatorLoopFactory
     from snr_sim.devices.commands import SimActuator as SimActuator
     from snr_sim.devices.device_strings import check_table as check_table
     from snr_sim.devices.device_strings import open_pwm as open_pwm
     from snr_sim.devices.device_strings import open_sensor as open_sensor
     from snr_sim.devices.gamepad import GamepadLoopFactory as GamepadLoopFactory
-    from snr_sim.devices.loops import ActuatorLoopFactory as ActuatorLoopFactory
-    from snr_sim.devices.loops import SensorLoopFactory as SensorLoopFactory
     from snr_sim.devices.mcu.mcu import McuPower as McuPower
     from snr_sim.devices.mcu.mcu import McuPwm as McuPwm
     from snr_sim.devices.mcu.mcu_board import McuBoard as McuBoard
@@ -20,14 +19,18 @@ if TYPE_CHECKING:
     from snr_sim.devices.pwm.maestro import Maestro as Maestro
     from snr_sim.devices.pwm.passive_pwm import PassivePwm as PassivePwm
     from snr_sim.devices.pwm.pca9685 import Pca9685 as Pca9685
+    from snr_sim.devices.pwm.pwm_backend import LoopbackPwm as LoopbackPwm
     from snr_sim.devices.pwm.pwm_backend import PwmBackend as PwmBackend
+    from snr_sim.devices.pwm.pwm_backend import SimPwm as SimPwm
+    from snr_sim.devices.pwm.pwm_backend import drive_plant as drive_plant
     from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory as PwmLoopFactory
-    from snr_sim.devices.pwm.sim_pwm import LoopbackPwm as LoopbackPwm
-    from snr_sim.devices.pwm.sim_pwm import SimPwm as SimPwm
-    from snr_sim.devices.pwm.sim_pwm import drive_plant as drive_plant
     from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm as SupervisedPwm
     from snr_sim.devices.pwm.sysfs_pwm import SysfsPins as SysfsPins
     from snr_sim.devices.pygame_gamepad import PygameGamepad as PygameGamepad
+    from snr_sim.devices.readings import BiasDrift as BiasDrift
+    from snr_sim.devices.readings import SensorErrors as SensorErrors
+    from snr_sim.devices.readings import SensorLoopFactory as SensorLoopFactory
+    from snr_sim.devices.readings import SimSensor as SimSensor
     from snr_sim.devices.replayed import ReplayedSensor as ReplayedSensor
     from snr_sim.devices.request_line import RequestLineFactory as RequestLineFactory
     from snr_sim.devices.sensors.camera import Camera as Camera
@@ -45,9 +48,6 @@ if TYPE_CHECKING:
     from snr_sim.devices.sensors.position_fix import PositionFix as PositionFix
     from snr_sim.devices.sensors.position_fix import position_fix_of as position_fix_of
     from snr_sim.devices.sensors.stereo import StereoCamera as StereoCamera
-    from snr_sim.devices.simulated import BiasDrift as BiasDrift
-    from snr_sim.devices.simulated import SensorErrors as SensorErrors
-    from snr_sim.devices.simulated import SimSensor as SimSensor
     from snr_sim.prelude.device import Actuator as Actuator
     from snr_sim.prelude.device import Device as Device
     from snr_sim.prelude.device import Health as Health

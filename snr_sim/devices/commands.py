@@ -1,4 +1,4 @@
-"""Commands in pages: the newest of a key, its conversion, and the simulated actuator that applies it.
+"""Commands in pages: the newest of a key, its conversion, the loop that writes it, and the simulated actuator.
 
 An invalid command raises an error that explains it.
 """
@@ -6,14 +6,18 @@ An invalid command raises an error that explains it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, Generic, TypeVar, get_args, get_origin
 
 import msgspec
 
 from snr_sim.core.datastore import page_age_s
-from snr_sim.core.loop import Loop
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.devices.device_loop import DeviceLoop, start_device
+from snr_sim.prelude.device import Device
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.task import Page, ensure_type_info
 
@@ -88,6 +92,86 @@ class CommandInput:
 
     def _find_writer(self) -> tuple[str, str, tuple[str, ...]]:
         return self._loop.parent.find_writer(self._key, self._loop.name)
+
+
+class ActuatorLoopFactory(LoopFactory):
+    """Writes the newest command page to an actuator, and neutral when there is none or it is too old.
+
+    Args:
+        key: of the command page.
+        open_device: opens the actuator.
+        rate_hz: how often it is written.
+        timeout_s: age from which a command is ignored.
+    """
+
+    def __init__(self, key: str, open_device: Callable[[], Device], rate_hz: float, timeout_s: float = 0.5) -> None:
+        super().__init__()
+        self.key: str = key
+        self.open_device: Callable[[], Device] = open_device
+        self.rate_hz: float = rate_hz
+        self.timeout_s: float = timeout_s
+
+    def get(self, parent: NodeApi) -> CommandLoop:
+        """Return the loop `<key>_actuator`."""
+        return ActuatorLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
+
+
+class CommandLoop(DeviceLoop):
+    """Owns a device that follows the pages of its factory's key."""
+
+    factory: ActuatorLoopFactory
+
+    def __init__(self, factory: ActuatorLoopFactory, parent: NodeApi, name: str, max_tick_rate_hz: float) -> None:
+        super().__init__(factory, parent, name, max_tick_rate_hz)
+        self.commands: CommandInput = CommandInput(self, factory.key)
+
+    def begin(self) -> None:
+        """Start the ticks, and receive commands from now on."""
+        self.commands.begin()
+        super().begin()
+
+    def join(self) -> None:
+        """Stop the ticks."""
+        self.commands.end()
+        super().join()
+
+
+class ActuatorLoop(CommandLoop):
+    """Writes commands; an invalid command leaves the actuator at neutral and stops the run."""
+
+    def setup(self) -> None:
+        """Open the actuator and go to neutral."""
+        self.device: Any = start_device(self.factory.open_device(), f"the actuator '{self.factory.key}'")
+        self.device.neutral()
+        self._written: Page | None = None
+
+    def loop(self) -> None:
+        """Write the newest command once; neutral if it is too old."""
+        page, age_s = self.commands.newest()
+        if page is None:
+            return
+        if age_s > self.factory.timeout_s:
+            self.device.neutral()  # also if it has just arrived: it was delayed on the way
+        elif page is not self._written:
+            self._written = page
+            self._write(page)
+
+    def _write(self, page: Page) -> None:
+        actuator = self.device
+        try:
+            command = command_of(page.data, actuator.command_type, actuator.limits)
+            applied = actuator.write(command)
+        except CommandError as error:
+            actuator.neutral()
+            raise self.commands.error_with_source(page, error) from error
+        if applied != command:
+            self.commands.note_clamped(command, applied, actuator.limits)
+
+    def halt(self) -> None:
+        """Go to neutral."""
+        if self.device is not None:
+            self.device.neutral()
+        super().halt()
 
 
 class SimActuator(LifeCycle, Generic[CommandT]):

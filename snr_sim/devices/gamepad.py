@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.devices.loops import DeviceLoop, start_device
+from snr_sim.devices.device_loop import DeviceLoop, start_device
 from snr_sim.prelude.device import Sensor, Stale
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.signals import GamepadReading

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.devices.commands import command_of
-from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, start_device
+from snr_sim.devices.commands import ActuatorLoopFactory, CommandLoop, command_of
+from snr_sim.devices.device_loop import start_device
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, ParameterError
 from snr_sim.prelude.node_api import NodeApi

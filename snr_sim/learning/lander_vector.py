@@ -261,7 +261,7 @@ class LanderVerticalVector(LanderVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         super().__init__(LanderVertical(is_continuous), num_envs, max_episode_steps, autoreset_mode)
-        self._plant = cast(Lander1D, self._single.plant)
+        self._plant = cast("Lander1D", self._single.plant)
         self._engines = np.ones((3, num_envs))  # rows as in Engine
         self._throttles = None if is_continuous else np.array(VERTICAL_THROTTLES)
         self._landers = np.ones((4, num_envs))

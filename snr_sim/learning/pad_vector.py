@@ -46,7 +46,7 @@ class LanderPadVector(LanderVectorEnv):
                 f"engine={engine!r} flies one lander at a time.", fix='"pymunk", or vectorization_mode="sync".'
             )
         super().__init__(LanderPad(is_continuous), num_envs, max_episode_steps, autoreset_mode)
-        self._judge = cast(Lander2D, self._single.plant)
+        self._judge = cast("Lander2D", self._single.plant)
         self._module = self._judge.module
         self._parts = round(self._step_s / self._judge.step_s)
         self._flight = PlaneFlight(self._judge.step_s, num_envs)

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, start_device
+from snr_sim.devices.commands import ActuatorLoopFactory
+from snr_sim.devices.device_loop import start_device
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.learning.copyable import CopyableEnv
 from snr_sim.learning.dispersion import factors_of
 from snr_sim.learning.gym import spaces

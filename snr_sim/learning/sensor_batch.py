@@ -1,4 +1,4 @@
-"""One simulated sensor of many landers: noise, steps and delay as `devices/simulated.py` computes them for each.
+"""One simulated sensor of many landers: noise, steps and delay as `devices/readings.py` computes them for each.
 
 Each lander's noise comes from the generator that its own sensor would have, in the order in which that would draw it.
 So a lander in a batch gets bitwise the same readings as the same lander alone.
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.devices.simulated import NOISE_BLOCK, SensorErrors
+from snr_sim.devices.readings import NOISE_BLOCK, SensorErrors
 from snr_sim.prelude.rng import rng_for
 
 Floats = NDArray[np.float64]

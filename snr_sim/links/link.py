@@ -26,10 +26,9 @@ from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.run_diagnostics import find_writer
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
-from snr_sim.links.messages import UNACCEPTABLE
+from snr_sim.links.messages import UNACCEPTABLE, encode_page, memory_bytes
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
-from snr_sim.links.wire_bounds import encode_page, memory_bytes
 from snr_sim.prelude.errors import SnrError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY

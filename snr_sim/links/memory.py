@@ -14,7 +14,7 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.node import Node
 from snr_sim.links.faults import MIN_TRANSIT_S, LinkFaults, LossyChannel
 from snr_sim.links.link import BEFORE_LOOPS, UnsendablePages
-from snr_sim.links.wire_bounds import encode_page
+from snr_sim.links.messages import encode_page
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SnrError, UnknownNameError, suggest
 from snr_sim.prelude.task import DataKey, Page, Task

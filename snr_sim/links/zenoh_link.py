@@ -29,9 +29,9 @@ from typing import Any
 from snr_sim.links.faults import LossyChannel
 from snr_sim.links.fleet import ALONE, PING_BYTES, Fleet, Member, RemotePeer, Subscription, encode_key_part
 from snr_sim.links.link import Link
+from snr_sim.links.messages import decode_page
 from snr_sim.links.queues import FairQueue, SendQueue
 from snr_sim.links.restarting import BackOff
-from snr_sim.links.wire_bounds import decode_page
 from snr_sim.prelude.errors import LinkError, MissingExtraError, SnrError
 from snr_sim.prelude.task import DataKey
 

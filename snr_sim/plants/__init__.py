@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from snr_sim.plants.parameter_limits import check_record as check_record
     from snr_sim.plants.parameter_limits import check_vector as check_vector
     from snr_sim.plants.parameter_limits import format_value as format_value
-    from snr_sim.plants.realtime import RealTimePlant as RealTimePlant
+    from snr_sim.plants.stepping import RealTimePlant as RealTimePlant
     from snr_sim.plants.urov.battery import Battery as Battery
     from snr_sim.plants.urov.battery import BenchSupply as BenchSupply
     from snr_sim.plants.urov.dive import Current as Current

@@ -1,4 +1,4 @@
-"""Recording of runs: the trace is the complete record, replay executes it again, and the view displays it."""
+"""Recording of runs: traces and their replay; components that record pages and store recorded ones again."""
 
 from typing import TYPE_CHECKING
 
@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     from snr_sim.prelude.values import encode_value as encode_value
     from snr_sim.recording.compare_signals import signals_of as signals_of
     from snr_sim.recording.folder import trace_path as trace_path
+    from snr_sim.recording.page_reader import PageReader as PageReader
+    from snr_sim.recording.page_reader import TextReader as TextReader
+    from snr_sim.recording.page_recorder import RecorderEndpointFactory as RecorderEndpointFactory
     from snr_sim.recording.reader import Trace as Trace
     from snr_sim.recording.reader import read_trace as read_trace
     from snr_sim.recording.records import BeginRecord as BeginRecord
@@ -24,6 +27,12 @@ if TYPE_CHECKING:
     from snr_sim.recording.records import TraceInfo as TraceInfo
     from snr_sim.recording.records import TruthRecord as TruthRecord
     from snr_sim.recording.replay import replay_node as replay_node
+    from snr_sim.recording.replayers import ListReplayer as ListReplayer
+    from snr_sim.recording.replayers import ListReplayerFactory as ListReplayerFactory
+    from snr_sim.recording.replayers import ReplayerLoop as ReplayerLoop
+    from snr_sim.recording.replayers import ReplayerLoopFactory as ReplayerLoopFactory
+    from snr_sim.recording.replayers import TextReplayer as TextReplayer
+    from snr_sim.recording.replayers import TextReplayerFactory as TextReplayerFactory
     from snr_sim.view.view import write_view as write_view
 else:
     # `compare_runs` is missing: the name is taken by the module that it is in.

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.handlers import COPY_FIX
 from snr_sim.core.hints import about_name
-from snr_sim.core.page_changes import COPY_FIX
 from snr_sim.core.reload.sources import source_files
 from snr_sim.core.run_diagnostics import NEXT_LINE
 from snr_sim.core.source_location import SourceLocation, short_path

@@ -14,9 +14,10 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.clocks import WallClock
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.pwm.motor_test import channel_of, motor_test_pulses_us
 from snr_sim.devices.pwm.pwm_backend import STOP_US
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.device import Device, Health, PwmOut, Stale
 from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError, UnknownNameError

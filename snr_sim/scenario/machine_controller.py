@@ -46,7 +46,7 @@ def machine_controller(module: ModuleType, robot_module: str, load: LoadModule) 
 
     pages = tuple(dict.fromkeys(part.page for part in bridge.reads.values()))
 
-    def factories(robot: Any) -> list[Any]:
+    def factories(_robot: Any) -> list[Any]:
         return [*machine_parts(program, name, step_hz=STEP_HZ, reacts_to=pages, bridge=bridge, path=path)]
 
     module.factories = factories  # type: ignore[attr-defined]

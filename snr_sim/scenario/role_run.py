@@ -4,7 +4,7 @@ The role that has the devices also has the plant, which follows the clock. The r
 been read. A role without devices, or with real ones only, has no simulated body to evaluate: it succeeds if it ends
 without an error.
 
-Each read or write steps the plant to now first (`plants/realtime.py`). `RobotContext.standalone_role` names the role:
+Each read or write steps the plant to now first (`plants/stepping.py`). `RobotContext.standalone_role` names the role:
 only then do a robot's links, and their secrets, leave the process.
 """
 
@@ -20,9 +20,10 @@ from snr_sim.core.config import Config
 from snr_sim.core.interrupts import graceful_shutdown
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import record_output
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.links.sockets import SocketsListenerFactory, SocketsLoopFactory
-from snr_sim.plants.realtime import RealTimePlant
+from snr_sim.plants.stepping import RealTimePlant
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import PortFactory
 from snr_sim.prelude.errors import ConfigError, LinkError, SnrError

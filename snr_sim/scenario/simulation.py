@@ -17,7 +17,7 @@ from typing import Any
 from snr_sim import __version__
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.source_location import short_path
-from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.wire.serial_port import check_port
 from snr_sim.prelude.errors import ConfigError, MissingExtraError, TraceError, UnknownNameError, suggest
 from snr_sim.prelude.interfaces import implements

@@ -23,8 +23,8 @@ from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
 from snr_sim.core.run_diagnostics import NEXT_LINE, without_handlers, writers_of
 from snr_sim.core.source_location import class_location, location_of, short_path
-from snr_sim.devices.commands import command_of
-from snr_sim.devices.loops import CommandLoop, SensorLoop
+from snr_sim.devices.commands import CommandLoop, command_of
+from snr_sim.devices.readings import SensorLoop
 from snr_sim.prelude.errors import CommandError, ConfigError, suggest
 from snr_sim.scenario import library
 from snr_sim.scenario.controller_source import Source, SourceLiteral, finding, read_source, texts_of

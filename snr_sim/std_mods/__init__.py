@@ -1,4 +1,4 @@
-"""Modules that any robot can use: filters, controllers, timers, printers, recorders and replayers."""
+"""Modules that any robot can use: filters, controllers, timers, a printer."""
 
 from typing import TYPE_CHECKING
 
@@ -13,15 +13,6 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.moving_average import MovingAvgFilterFactory as MovingAvgFilterFactory
     from snr_sim.std_mods.pid import Pid as Pid
     from snr_sim.std_mods.printer import PrinterEndpointFactory as PrinterEndpointFactory
-    from snr_sim.std_mods.readers import PageReader as PageReader
-    from snr_sim.std_mods.readers import TextReader as TextReader
-    from snr_sim.std_mods.recorder import RecorderEndpointFactory as RecorderEndpointFactory
-    from snr_sim.std_mods.replayer import ListReplayer as ListReplayer
-    from snr_sim.std_mods.replayer import ListReplayerFactory as ListReplayerFactory
-    from snr_sim.std_mods.replayer import ReplayerLoop as ReplayerLoop
-    from snr_sim.std_mods.replayer import ReplayerLoopFactory as ReplayerLoopFactory
-    from snr_sim.std_mods.replayer import TextReplayer as TextReplayer
-    from snr_sim.std_mods.replayer import TextReplayerFactory as TextReplayerFactory
     from snr_sim.std_mods.slew import SlewRateLimiter as SlewRateLimiter
     from snr_sim.std_mods.slew import approach as approach
     from snr_sim.std_mods.thrust_curve import ThrustCurve as ThrustCurve

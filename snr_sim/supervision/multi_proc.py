@@ -1,6 +1,6 @@
 """Several roles at once, each in its own process, with one program that starts, monitors and ends them all.
 
-    main thread                      a ChildProcess per role       the process (supervision/role_process.py)
+    main thread                      a MonitoredProcess per role   the process (supervision/role_process.py)
     news: signals, ends  <-------    receives messages, lines  <---    runs the node, prints, fails, ends
     end("SIGTERM"), end("now"), kill  -------------------------->      a terminate task; an interrupt; nothing to say
 
@@ -25,8 +25,8 @@ from typing import Any, TypeAlias
 
 from snr_sim.core.config import Config
 from snr_sim.core.inbox import POLL_PERIOD_S
-from snr_sim.core.process.child_process import ChildProcess
 from snr_sim.core.process.factory_pickling import pickle_factory
+from snr_sim.core.process.monitored_process import MonitoredProcess
 from snr_sim.core.standard_streams import forward_line, print_line
 from snr_sim.prelude.component import PortFactory, RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
@@ -83,7 +83,7 @@ class MultiProcRunner:
         self._run = run
         self._ends_all = set(ends_all)
         self._events: SimpleQueue[ProcessEvent] = SimpleQueue()
-        self._running: dict[RoleName, ChildProcess] = {}
+        self._running: dict[RoleName, MonitoredProcess] = {}
         self._overdue: set[RoleName] = set()
         self._failed: set[RoleName] = set()  # roles that reported their failure themselves
         self._failures: list[ComponentFailedError] = []
@@ -128,13 +128,13 @@ class MultiProcRunner:
             for port in ports:
                 port.release()  # an end of a pipe that stays open here would hide that its role has ended
 
-    def _start_role(self, role: RoleName, order: dict[str, Any]) -> ChildProcess:
+    def _start_role(self, role: RoleName, order: dict[str, Any]) -> MonitoredProcess:
         def on_end(status: int, error: Exception | None) -> None:
             if error is not None:
                 self._events.put(("failed", role, f"{type(error).__name__}: {error}", ""))
             self._events.put(("over", role, status))
 
-        process = ChildProcess(
+        process = MonitoredProcess(
             f"role '{role}'",
             TARGET,
             order,
@@ -216,7 +216,7 @@ def _signals_as(events: SimpleQueue[ProcessEvent]) -> Iterator[None]:
         yield
         return
 
-    def on_signal(number: int, frame: FrameType | None) -> None:
+    def on_signal(number: int, _frame: FrameType | None) -> None:
         events.put(("signal", signal.Signals(number).name))  # atomic, so an interrupt cannot leave a lock held
 
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}

@@ -104,7 +104,7 @@ def _arrows(form: Form) -> Iterator[Arrow]:
     label = " ".join(words)
     if len(label) > MAX_LABEL:
         label = label[: MAX_LABEL - 3] + "..."
-    known = cast(Literal["on", "ontime", "eps", "exit"], kind)
+    known = cast("Literal['on', 'ontime', 'eps', 'exit']", kind)
     yield Arrow(name, known, source, target, form.place.line, label)
 
 

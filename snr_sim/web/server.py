@@ -63,7 +63,7 @@ def make_app(pages: Sequence[MachinePage], access: Access, static: Path = STATIC
 
 
 def _index(pages: Sequence[MachinePage]) -> Answer:
-    async def answer(request: Request) -> Response:
+    async def answer(_request: Request) -> Response:
         if len(pages) == 1:
             return RedirectResponse(f"/{pages[0].path}/", status_code=303)
         rows = "".join(f'<li><a href="/{escape(one.path)}/">{escape(one.title)}</a></li>' for one in pages)
@@ -73,7 +73,7 @@ def _index(pages: Sequence[MachinePage]) -> Answer:
 
 
 def _shell(page: MachinePage, static: Path) -> Answer:
-    async def answer(request: Request) -> Response:
+    async def answer(_request: Request) -> Response:
         file = static / page.shell
         return FileResponse(file) if file.is_file() else PlainTextResponse(f"{page.shell} is missing.", 404)
 

@@ -19,7 +19,7 @@ import snr_sim.devices.pwm.pca9685
 import snr_sim.devices.pwm.pwm_loop
 import snr_sim.devices.pwm.sysfs_pwm
 import snr_sim.scenario.role_run
-from snr_sim.devices.pwm.sim_pwm import LoopbackPwm
+from snr_sim.devices.pwm.pwm_backend import LoopbackPwm
 from snr_sim.prelude.device import PwmOut
 from snr_sim.testing.pwm_contract import check_pwm_out
 

@@ -13,9 +13,9 @@ import sys
 from pathlib import Path
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, SimClock, TaskType
-from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.devices.pwm.pwm_backend import LoopbackPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
-from snr_sim.devices.pwm.sim_pwm import LoopbackPwm
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.prelude.signals import DepthReading
 from snr_sim.scenario.program import record_program
 from snr_sim.testing.fakes import FakeSensor

@@ -20,8 +20,8 @@ from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import submission
 from snr_sim.grading.lab.lab import Check, Lab, find_lab, load_lab
 from snr_sim.grading.remote import launch
-from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.fork_server import ForkServer
+from snr_sim.grading.remote.student_process import StudentProcess
 from snr_sim.grading.sandbox.sandbox import Limits
 from tests.assignments.mistakes import write_solution, write_starter
 
@@ -34,7 +34,7 @@ SECRET = b"the secret of these tests"
 # Modules of the kit that most copies need are imported once: importing them in each took a tenth of the CPU time.
 WARM = """
     fcntl numpy.ma numpy.random numpy.typing resource tomllib snr_sim.behaviors.endpoint snr_sim.behaviors.explore
-    snr_sim.behaviors.language snr_sim.core.lockstep snr_sim.core.runners snr_sim.devices.simulated
+    snr_sim.behaviors.language snr_sim.core.lockstep snr_sim.core.runners snr_sim.devices.readings
     snr_sim.devices.terminal_keys snr_sim.devices.sensors.camera snr_sim.devices.sensors.echo_sounder
     snr_sim.devices.sensors.hull_sensors snr_sim.devices.sensors.imu snr_sim.devices.sensors.ms5837
     snr_sim.plants.urov.t200 snr_sim.plants.urov.vehicle_file snr_sim.links snr_sim.teleop
@@ -53,7 +53,7 @@ def warm() -> Iterator[ForkServer]:
 
     with ForkServer("none", Limits()) as fork_server, pytest.MonkeyPatch.context() as patch:
         patch.setattr(launch, "start_command", warmed)
-        child = ChildProcess(ROOT, "none", Limits(), fork_server=fork_server)  # starts the process that is copied
+        child = StudentProcess(ROOT, "none", Limits(), fork_server=fork_server)  # starts the process that is copied
         child.close()
         patch.undo()
         yield fork_server
@@ -63,7 +63,7 @@ def warm() -> Iterator[ForkServer]:
 def warm_children(warm: ForkServer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Has the grader's student processes be copies of one process."""
     monkeypatch.setattr(grade, "ForkServer", lambda *_: nullcontext(warm))
-    monkeypatch.setattr(submission, "ChildProcess", lambda *args: ChildProcess(*args[:-1], warm))
+    monkeypatch.setattr(submission, "StudentProcess", lambda *args: StudentProcess(*args[:-1], warm))
 
 
 def one_hidden(check: Check) -> Check:

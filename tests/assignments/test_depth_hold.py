@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -60,12 +59,6 @@ def test_limits_are_5_sigma_from_reference(count: int, tmp_path: Path) -> None:
         assert all(abs(value - mean) < 4.0 * sd for value in values), name
         if count >= 50:
             assert limit > fmean(values) + 5.0 * pstdev(values), name
-
-
-def test_picture_and_files_of_page_exist() -> None:
-    text = (FOLDER / "README.md").read_text()
-    for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
-        assert (FOLDER / name).is_file(), name
 
 
 def test_unchanged_files_equal_those_of_lab_8() -> None:

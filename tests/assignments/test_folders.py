@@ -9,7 +9,9 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from typer.main import get_command
 
+from snr_sim.cli.main import app
 from snr_sim.grading.lab.lab import find_lab
 from tests.assignments.mistakes import mistakes_of
 
@@ -31,6 +33,17 @@ def test_page_contains_goal_duration_and_points(lab: Path) -> None:
         assert part in text, part
     rows = re.findall(r"^\| (\d+) \|", text.partition("## How it is graded")[2], flags=re.MULTILINE)
     assert [float(points) for points in rows] == [check.points for check in find_lab(lab.name).checks]
+
+
+@pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
+def test_commands_and_pictures_of_page_exist(lab: Path) -> None:
+    verbs: Any = get_command(app)
+    text = (lab / "README.md").read_text()
+    for picture in re.findall(r"\]\((pictures/[^)]*)\)", text):
+        assert (lab / picture).is_file(), picture
+    for verb, rest in re.findall(r"^ *snr (\w+)(.*)$", text, flags=re.MULTILINE):
+        known = {option for parameter in verbs.get_command(None, verb).params for option in parameter.opts}
+        assert set(re.findall(r" (--[a-z-]+)", rest.partition("  #")[0])) <= known, rest
 
 
 PARSERS = {"ast", "configparser", "csv", "pickle", "tarfile", "tokenize", "tomllib", "xml", "zipfile"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -122,9 +121,3 @@ def test_dive_limits_are_10_sigma_from_reference(count: int, tmp_path: Path) -> 
         assert all(abs(value - mean) < 4.0 * sd for value in values), name
         if count >= 25:
             assert limit < fmean(values) - 10.0 * pstdev(values), name
-
-
-def test_picture_and_files_of_page_exist() -> None:
-    text = (FOLDER / "README.md").read_text()
-    for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
-        assert (FOLDER / name).is_file(), name

@@ -3,17 +3,14 @@
 A flight of five minutes takes some seconds: all that have one are in the slow lane, as few as show each mistake.
 """
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.main import get_command
 
 from snr_sim.behaviors.language import parse
-from snr_sim.cli.main import app
 from snr_sim.grading.lab.lab import Case, find_lab
 from snr_sim.grading.lab.student import Student
 from snr_sim.scenario.machine_edits import changes_again, write
@@ -29,16 +26,6 @@ FLIGHTS = ("explores", "explores_late", "replays")
 # The flights that a mistake loses, of those mistakes that show only in flight.
 IN_FLIGHT = {name: list(mistake.lost) for name, mistake in MISTAKES.items() if set(FLIGHTS).issuperset(mistake.lost)}
 BY_ITSELF = [name for name in MISTAKES if name not in IN_FLIGHT]
-
-
-def test_commands_and_pictures_of_page_exist() -> None:
-    verbs: Any = get_command(app)
-    text = (FOLDER / "README.md").read_text()
-    for picture in re.findall(r"\]\((pictures/[^)]*)\)", text):
-        assert (FOLDER / picture).exists(), picture
-    for verb, rest in re.findall(r"^ *snr (\w+)(.*)$", text, flags=re.MULTILINE):
-        known = {option for parameter in verbs.get_command(None, verb).params for option in parameter.opts}
-        assert set(re.findall(r" (--[a-z-]+)", rest.partition("  #")[0])) <= known, rest
 
 
 @pytest.mark.unmeasured

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import subprocess
 import sys
@@ -86,9 +85,3 @@ def test_limit_is_5_sigma_from_reference(count: int, tmp_path: Path) -> None:
     assert all(abs(speed - MEAN_MPS) < 4.0 * SD_MPS for speed in speeds)
     if count >= 50:
         assert fmean(speeds) + 5.0 * pstdev(speeds) < LIMIT_MPS
-
-
-def test_picture_and_files_of_page_exist() -> None:
-    text = (FOLDER / "README.md").read_text()
-    for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
-        assert (FOLDER / name).is_file(), name

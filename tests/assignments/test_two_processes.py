@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.main import get_command
 
-from snr_sim.cli.main import app
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import find_lab
 from snr_sim.scenario.simulation import Request, prepare
@@ -30,16 +28,6 @@ def part(name: str) -> Any:
 
 
 # -- the page ---------------------------------------------------------------------------------------------------------
-
-
-def test_commands_and_pictures_of_page_exist() -> None:
-    verbs: Any = get_command(app)
-    text = (FOLDER / "README.md").read_text()
-    for picture in re.findall(r"\]\((pictures/[^)]*)\)", text):
-        assert (FOLDER / picture).exists(), picture
-    for verb, rest in re.findall(r"^ *snr (\w+)(.*)$", text, flags=re.MULTILINE):
-        known = {option for parameter in verbs.get_command(None, verb).params for option in parameter.opts}
-        assert set(re.findall(r" (--[a-z-]+)", rest.partition("  #")[0])) <= known, rest
 
 
 @pytest.mark.unmeasured

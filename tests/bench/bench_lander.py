@@ -16,7 +16,7 @@ from typing import Any
 
 from harness import Benchmark, Row, compare
 
-from snr_sim.devices.loops import start_device
+from snr_sim.devices.device_loop import start_device
 from snr_sim.prelude.errors import MissingExtraError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import RobotContext, RobotInfo

@@ -17,8 +17,7 @@ import pytest
 
 from snr_sim.cli.io import lines
 from snr_sim.devices.pwm.motor_test import WHOLE_S, motor_test_pulses_us, top_us
-from snr_sim.devices.pwm.pwm_backend import PwmBackend
-from snr_sim.devices.pwm.sim_pwm import LoopbackPwm
+from snr_sim.devices.pwm.pwm_backend import LoopbackPwm, PwmBackend
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, SensorLostError, UnknownNameError
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -271,7 +270,7 @@ ROBOT = '''
 from functools import partial
 from pathlib import Path
 
-from snr_sim.devices.pwm.sim_pwm import LoopbackPwm
+from snr_sim.devices.pwm.pwm_backend import LoopbackPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 
 ROLES, IO = ("rov",), ("pi",)

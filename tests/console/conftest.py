@@ -1,19 +1,16 @@
 """A node with a console session, run by hand: no thread, no port. And one that runs on a thread, with a port."""
 
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
-from snr_sim import CommandReceiverFactory, Config, Mode, Node, SimClock, Task, TaskType, tasks
+from snr_sim import CommandReceiverFactory, Config, Mode, Node, SimClock, Task, TaskType
 from snr_sim.console.commands import TABLE
 from snr_sim.console.session import ConsoleSession
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
-
-TIMEOUT_S = 60.0  # an upper limit for a very busy machine; usually no test waits this long
+from tests.on_thread import on_thread
 
 
 class Talk:
@@ -70,32 +67,8 @@ def running(*factories: Any, token: str | None = None, port: int = 0) -> Iterato
     console = CommandReceiverFactory(port, token=token)
     part = FunctionEndpointFactory({(TaskType.event, "start"): lambda task, task_id: None})
     node = Node("urov", Config(factories={"urov": [console, part, *factories]}))
-    failure: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            node.loop()
-        except BaseException as error:
-            failure.append(error)
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    try:
-        wait_for(lambda: console.port != 0 or failure)
+    with on_thread(node, lambda: console.port != 0):
         yield node, ("127.0.0.1", console.port)
-        assert not node.is_finished or node.exit_reason == "asked", "the node has ended by itself"
-    finally:
-        node.enqueue_input(tasks.terminate("test"), "test")
-        thread.join(TIMEOUT_S)
-    assert not failure, failure
-    assert not thread.is_alive()
-
-
-def wait_for(what: Callable[[], Any]) -> None:
-    until_s = time.monotonic() + TIMEOUT_S
-    while not what():
-        assert time.monotonic() < until_s, "timeout"
-        time.sleep(0.005)
 
 
 @pytest.fixture

@@ -10,8 +10,9 @@ import pytest
 from snr_sim import ConsoleClient, RemoteConsole
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError, LinkError
+from tests.on_thread import TIMEOUT_S
 
-from .conftest import TIMEOUT_S, running
+from .conftest import running
 
 
 class StateLog:

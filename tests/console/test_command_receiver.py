@@ -27,8 +27,9 @@ from snr_sim.core.lockstep import LockStep
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError, LinkError
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
+from tests.on_thread import TIMEOUT_S, wait_for
 
-from .conftest import TIMEOUT_S, running, wait_for
+from .conftest import running
 
 TOKEN = "a token of at least sixteen bytes"
 HELLO = (

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from snr_sim import FakeActuator, Loop, LoopFactory, Node, Page, tasks
-from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory
+from snr_sim.devices.commands import ActuatorLoop, ActuatorLoopFactory
 from snr_sim.prelude.signals import EngineCommand
 
 

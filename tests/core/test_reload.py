@@ -16,7 +16,7 @@ import pytest
 
 from snr_sim import Config, FakeActuator, Node, Page, SimClock, Task, TaskType, tasks
 from snr_sim.core.lockstep import LockStep
-from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.prelude.signals import EngineCommand
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 

@@ -9,7 +9,7 @@ import pytest
 from snr_sim import Config, FakeActuator, Node, Task, TaskType, WatchLoopFactory, tasks
 from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
 from snr_sim.core.reload.state_snapshot import Snapshot
-from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.signals import EngineCommand
 from snr_sim.scenario.library import load_program

@@ -29,8 +29,8 @@ from snr_sim import (
     page,
     tasks,
 )
+from snr_sim.core.component import from_page, to_page
 from snr_sim.core.lockstep import LockStep
-from snr_sim.core.short_form import from_page, to_page
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node

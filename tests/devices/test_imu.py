@@ -4,8 +4,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from snr_sim.devices.readings import BiasDrift, SensorErrors
 from snr_sim.devices.sensors.imu import InertialUnit
-from snr_sim.devices.simulated import BiasDrift, SensorErrors
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.instruments import FIELD_UT_PER_A, ImuOutput
 from snr_sim.plants.urov.pool import Pool

@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("serial", reason="the extra 'hardware' is not installed")
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory, WallClock, tasks
-from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.mcu.mcu import McuPower, McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.errors import DeviceError

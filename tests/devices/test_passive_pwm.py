@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from snr_sim.devices.pwm.passive_pwm import ESC_START_S, PassivePwm, PwmChip
-from snr_sim.devices.pwm.sim_pwm import drive_plant
+from snr_sim.devices.pwm.pwm_backend import drive_plant
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE, PwmCommand
 

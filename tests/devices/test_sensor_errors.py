@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.simulated import BiasDrift, SensorErrorModel, SensorErrors
+from snr_sim.devices.readings import BiasDrift, SensorErrorModel, SensorErrors
 from snr_sim.prelude.errors import ParameterError
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.devices.loops import configure_device
+from snr_sim.devices.device_loop import configure_device
 from snr_sim.prelude.device import Actuator, Device, PwmOut, Sensor
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.interfaces import implements, missing_members

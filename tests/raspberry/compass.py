@@ -14,11 +14,11 @@ from pathlib import Path
 import msgspec
 
 from snr_sim import Config, Endpoint, EndpointFactory, LifeCycle, Mode, SimClock, TaskType, WallClock
-from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.pwm.pwm_backend import LoopbackPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
-from snr_sim.devices.pwm.sim_pwm import LoopbackPwm
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort

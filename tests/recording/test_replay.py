@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, SimClock, SimRunner, Task, TaskType, tasks
-from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.recording.checker import MAX_FOLLOW_UPS, NodeReplay
 from snr_sim.recording.compare import Tolerance

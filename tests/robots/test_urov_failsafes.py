@@ -18,9 +18,9 @@ from snr_sim import Config, SimRunner
 from snr_sim.core.clocks import SimClock
 from snr_sim.devices.emulated.board import EmulatedPort
 from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant
-from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
 from snr_sim.devices.mcu.mcu_board import McuBoard
-from snr_sim.devices.pwm.sim_pwm import SimPwm
+from snr_sim.devices.pwm.pwm_backend import SimPwm
+from snr_sim.devices.readings import SensorLoop, SensorLoopFactory
 from snr_sim.plants.stepping import Stepper
 from snr_sim.plants.urov.t200 import MAX_PULSE_US, MIN_PULSE_US
 from snr_sim.prelude.device import Stale

@@ -9,7 +9,7 @@ pytest.importorskip("pygame", reason="the extra 'pad' is not installed")
 
 from snr_sim import SimRunner, TaskType
 from snr_sim.core.clocks import SimClock
-from snr_sim.devices.pwm.sim_pwm import LoopbackPwm
+from snr_sim.devices.pwm.pwm_backend import LoopbackPwm
 from snr_sim.devices.pygame_gamepad import PygameGamepad
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.device import Stale

@@ -55,8 +55,8 @@ from snr_sim import (
     ThreadLoop,
     tasks,
 )
+from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.gamepad import GamepadLoopFactory
-from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.devices.pygame_gamepad import PygameGamepad
 from snr_sim.prelude.device import Actuator, Sensor, Stale
 from snr_sim.prelude.signals import GamepadReading

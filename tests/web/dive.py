@@ -14,22 +14,11 @@ from snr_sim.scenario.program import program_header
 from snr_sim.web.live_machine import LiveMachine
 from snr_sim.web.messages import Rights
 from snr_sim.web.session import MachinePage
+from tests.behaviors.diver import DEPTHS, DIVER
 
 BRIDGE = Bridge(
     {"depth": Read("depth", "depth_m", unit="m", fresh_s=0.5)}, {"up": Drive("thrust", "up_n", -50.0, 50.0)}
 )
-DEPTHS = [{"depth_m": 0.1 * (i % 20)} for i in range(60)]
-DIVER = """(var push := [5])
-(machine diver
-  (event deep [robot.depth.read() is not None and robot.depth.read() > 1.0])
-  (event halt)
-  (state sinking (onentry [robot.up.start(0)]))
-  (state rising (onentry [robot.up.start(push)]) (onexit [log(f"rose with {push}")]))
-  (on deep sinking -> rising)
-  (on halt * -> sinking)
-  (ontime 300 rising -> sinking))
-(spawn diver sinking)
-"""
 
 
 SHA = parse(DIVER, BRIDGE.parts).sha256

@@ -5,7 +5,6 @@ from __future__ import annotations
 import http.client
 import json
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,20 +14,11 @@ from typing import Any
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from snr_sim import Config, Node, tasks
+from snr_sim import Config, Node
 from snr_sim.web.access import Access
 from snr_sim.web.live import LiveLoopFactory
+from tests.on_thread import TIMEOUT_S, on_thread, wait_for
 from tests.web.dive import parts
-
-TIMEOUT_S = 60.0  # an upper limit for a very busy machine; usually no test waits this long
-
-
-def wait_for(what: Callable[[], Any]) -> Any:
-    until_s = time.monotonic() + TIMEOUT_S
-    while not (found := what()):
-        assert time.monotonic() < until_s, "timeout"
-        time.sleep(0.005)
-    return found
 
 
 @contextmanager
@@ -37,25 +27,8 @@ def served(*more: Any, token: str | None = None, folder: Path | None = None) -> 
     live = LiveLoopFactory(token=token, title="a dive")
     live.folder = folder
     node = Node("r", Config(factories={"r": [live, *parts(*more)]}))
-    failure: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            node.loop()
-        except BaseException as error:
-            failure.append(error)
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    try:
-        wait_for(lambda: live.port != 0 or failure)
+    with on_thread(node, lambda: live.port != 0):
         yield node, live
-        assert not node.is_finished or node.exit_reason == "asked", f"the node has ended: {node.exit_reason}"
-    finally:
-        node.enqueue_input(tasks.terminate("test"), "test")
-        thread.join(TIMEOUT_S)
-    assert not failure, failure
-    assert not thread.is_alive()
 
 
 def get(access: Access, path: str, **headers: str) -> tuple[int, dict[str, str], str]:

@@ -17,7 +17,8 @@ import pytest
 from snr_sim.cli.machine_view import view
 from snr_sim.prelude.errors import TraceError
 from snr_sim.web.access import Access
-from tests.web.served import TIMEOUT_S, browser, get, wait_for
+from tests.on_thread import TIMEOUT_S, wait_for
+from tests.web.served import browser, get
 
 pytestmark = pytest.mark.slow
 SNR = [sys.executable, "-m", "snr_sim"]

@@ -17,8 +17,9 @@ from snr_sim.prelude.errors import LinkError
 from snr_sim.web.access import POLICY, Access
 from snr_sim.web.live import LiveLoopFactory
 from snr_sim.web.messages import MAX_MESSAGE_BYTES
+from tests.on_thread import wait_for
 from tests.web.dive import DIVER, with_push
-from tests.web.served import browser, get, goes_on, last_words, served, wait_for
+from tests.web.served import browser, get, goes_on, last_words, served
 
 pytestmark = pytest.mark.slow
 Served = tuple[Node, LiveLoopFactory]

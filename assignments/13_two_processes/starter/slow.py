@@ -14,12 +14,11 @@ LOOK_S = 0.2
 def slowed(state):
     """Return a state that works for LOOK_S after each `run_state`. Such work cannot be given up half-way."""
 
-    class Slow(state):
-        def run_state(self):
-            yield from super().run_state() or ()
-            yield wait(LOOK_S, uninterrupted=True)
+    def run_state(self):
+        yield from state.run_state(self) or ()
+        yield wait(LOOK_S, uninterrupted=True)
 
-    return Slow
+    return type("Slow", (state,), {"run_state": run_state})
 
 
 SLOW_2D = {name: slowed(state) for name, state in PROCESS_2D.items()}

@@ -1,6 +1,6 @@
 """A loop in a separate process, for heavy work that must not hold the node's interpreter lock: the node's side.
 
-    node's thread                 threads of the ChildProcess     the process (core/process/loop_process.py)
+    node's thread                 MonitoredProcess's threads    the process (core/process/loop_process.py)
     begin, stop, join   ------->  writer: go, pages, end  ----->  a node without components, the loop on a thread
     inbox               <-------  listener: tasks, failures  <--  what the loop schedules
 
@@ -19,8 +19,8 @@ from typing import Any
 from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_life import NodeLife
-from snr_sim.core.process.child_process import ChildProcess, Message
 from snr_sim.core.process.factory_pickling import pickle_factory
+from snr_sim.core.process.monitored_process import Message, MonitoredProcess
 from snr_sim.core.profiler import Timing
 from snr_sim.core.source_location import describe_error
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S
@@ -42,7 +42,7 @@ class ProcessExecutor:
         self._loop = loop
         self._life = life
         self._node = life.node
-        self._child: ChildProcess | None = None
+        self._child: MonitoredProcess | None = None
         self._changed: set[DataKey] = set()  # keys of pages to send
         self.skipped: int = 0  # pages that a newer one replaced before they were sent
         self._is_finished = False  # it has sent "over"
@@ -71,7 +71,7 @@ class ProcessExecutor:
             "is_setup_awaited": loop.setup_result is not None,
         }
         name = f"loop '{loop.name}'"
-        self._child = ChildProcess(name, TARGET, order, self._on_message, self._on_end, packed["descriptors"])
+        self._child = MonitoredProcess(name, TARGET, order, self._on_message, self._on_end, packed["descriptors"])
         self._child.start()
 
     def wake(self) -> None:
@@ -146,7 +146,7 @@ class ProcessExecutor:
     def _watch(self, key: DataKey) -> None:
         """Send the newest page of a key now, and from now on each time one is stored."""
 
-        def listener(page: Page) -> None:
+        def listener(_page: Page) -> None:
             self._send_page(key)
 
         for stored in {key, key.removesuffix(PREVIOUS)}:

@@ -19,8 +19,8 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.devices.commands import CommandInput, check_finite, command_of
-from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, configure_device
+from snr_sim.devices.commands import ActuatorLoopFactory, CommandInput, CommandLoop, check_finite, command_of
+from snr_sim.devices.device_loop import configure_device
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.errors import CommandError, DeviceError

@@ -10,9 +10,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.devices.readings import SensorErrors, SensorLoopFactory, SimSensor
 from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, NEAREST_M, Image, Point, Rays, intersect_scene
-from snr_sim.devices.simulated import SensorErrors, SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import Ball

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.devices.simulated import SensorErrors, SimSensor
+from snr_sim.devices.readings import SensorErrors, SimSensor
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EchoReading

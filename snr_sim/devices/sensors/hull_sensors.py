@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.devices.simulated import SensorErrors, SimSensor, fields_of
+from snr_sim.devices.readings import SensorErrors, SimSensor, fields_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import LeakReading, PowerReading

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from snr_sim.devices.simulated import BiasDrift, SensorErrors, SimSensor, fields_of
+from snr_sim.devices.readings import BiasDrift, SensorErrors, SimSensor, fields_of
 from snr_sim.prelude.angles import roll_pitch_yaw_rad, wrap_rad
 from snr_sim.prelude.attitude_filter import MahonyFilter
 from snr_sim.prelude.plant import Plant

@@ -9,9 +9,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from snr_sim.devices.readings import SensorErrors, SimSensor
 from snr_sim.devices.sensors.camera import rotate_vector
 from snr_sim.devices.sensors.ray_casting import Rays, intersect_scene
-from snr_sim.devices.simulated import SensorErrors, SimSensor
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from snr_sim.devices.simulated import BiasDrift, SensorErrors, SimSensor, fields_of
+from snr_sim.devices.readings import BiasDrift, SensorErrors, SimSensor, fields_of
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import DepthReading

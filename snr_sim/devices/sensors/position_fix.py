@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.devices.simulated import SensorErrors
+from snr_sim.devices.readings import SensorErrors
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 
 # A person sees to about the width of a hand, some times a second, with a delay: our own choice.

@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from snr_sim.devices.readings import SensorErrors, SimSensor
 from snr_sim.devices.sensors.camera import Camera
 from snr_sim.devices.sensors.ray_casting import Image
-from snr_sim.devices.simulated import SensorErrors, SimSensor
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 

@@ -52,7 +52,7 @@ def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
                 else:
                     _check_packing(info)
                     with archive.open(info) as source:
-                        yield parts, cast(BinaryIO, _Measured(source, max(1, info.compress_size)))
+                        yield parts, cast("BinaryIO", _Measured(source, max(1, info.compress_size)))
     except _DAMAGES as error:
         raise _damaged(error) from error
 

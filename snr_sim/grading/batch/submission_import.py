@@ -63,7 +63,7 @@ def import_submission(given: Path, required: Sequence[str], into: Path) -> Impor
             raise SubmissionRejectedError("Your submission is empty.", fix=f"hand in {_listed(required)}.")
         top = _top(into, required)
         missing = [name for name in required if not (top / name).is_file()]
-        messages = [_missing(name, into, top) for name in missing]
+        messages = [_missing(name, top) for name in missing]
         if len(missing) == len(required):
             what = " ".join([*messages, *notes[:_MAX_NOTES]])
             raise SubmissionRejectedError(what, fix=f"hand in {_listed(required)}.")
@@ -197,7 +197,7 @@ def _move_up(top: Path, into: Path) -> None:
     apart.rename(into)
 
 
-def _missing(name: str, into: Path, top: Path) -> str:
+def _missing(name: str, top: Path) -> str:
     """Say that a file of the lab is not there, and which one may be meant."""
     files = sorted(str(path.relative_to(top)) for path in top.rglob("*") if path.is_file())
     elsewhere = [file for file in files if Path(file).name == name]

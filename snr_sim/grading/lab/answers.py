@@ -63,7 +63,7 @@ def require_field(page: Any, key: str, name: str, kind: type[Kind], count: int |
             "growing without limit?"
         )
         raise _page_error(found, hint, expected)
-    return cast(Kind, numbers[0] if kind is float else numbers)
+    return cast("Kind", numbers[0] if kind is float else numbers)
 
 
 def _kind_of_numpy(value: Any) -> str:

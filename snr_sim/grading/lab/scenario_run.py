@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim.core.config import Config
-from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.grading.lab.stimulus import GIVEN, Stimulus
 from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, GraderError, InconclusiveError, SubmissionError
@@ -229,7 +229,7 @@ def _loaded(scenario: str, io: str, roles: tuple[str, ...] | None) -> tuple[Simu
         raise GraderError(f"The scenario '{scenario}' cannot be run: {error}") from error
 
 
-def _empty_controller(robot: library.FoundItem, name: str) -> ModuleType:
+def _empty_controller(_robot: library.FoundItem, name: str) -> ModuleType:
     """Return a controller without components: the student's replaces it."""
     module = ModuleType("empty_controller")
     module.__file__ = name

@@ -14,8 +14,8 @@ import msgspec
 from snr_sim.grading.lab.answers import checked
 from snr_sim.grading.lab.submission import Submission
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.child_process import CALL_CPU_S, ChildProcess
 from snr_sim.grading.remote.sent_code import code_to_send
+from snr_sim.grading.remote.student_process import CALL_CPU_S, StudentProcess
 from snr_sim.prelude.values import encode_value
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class Student(Submission):
     """One submission, for one case; close it in the end, or use `with`. Arguments as for `Submission`."""
 
-    _child: ChildProcess | None = None  # of this case's calls
+    _child: StudentProcess | None = None  # of this case's calls
 
     def __enter__(self) -> Student:
         return self
@@ -112,7 +112,7 @@ class Student(Submission):
         """CPU time of the process of this case's calls, as the kernel counts it; None where it is not reported."""
         return None if self._child is None else self._child.cpu_time_s
 
-    def child(self, file: str) -> ChildProcess:
+    def child(self, file: str) -> StudentProcess:
         """Return the process of this case's calls, made when it is first needed."""
         if self._child is None:
             self._child = self.new_child(file)
@@ -128,7 +128,7 @@ class Student(Submission):
 class RemoteObject:
     """An object in the student's process; `Student.create_object` makes it."""
 
-    def __init__(self, child: ChildProcess, number: int, file: str) -> None:
+    def __init__(self, child: StudentProcess, number: int, file: str) -> None:
         self._child = child
         self._number = number
         self._file = file

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
-from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.remote.parsers import MAX_PARSED_BYTES, check_imports
+from snr_sim.grading.remote.student_process import StudentProcess
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
 
@@ -90,7 +90,7 @@ class Submission:
         finally:
             self.close_child(child)
 
-    def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
+    def new_child(self, file: str, readable: Sequence[Path] = ()) -> StudentProcess:
         """Return a process of its own, which has not read the submission yet; `close_child` ends it.
 
         SubmissionError is raised if the file is missing, or imports a refused module.
@@ -104,7 +104,7 @@ class Submission:
             raise
         return child
 
-    def close_child(self, child: ChildProcess) -> None:
+    def close_child(self, child: StudentProcess) -> None:
         """End a process, and keep its output."""
         try:
             child.close()
@@ -112,13 +112,13 @@ class Submission:
             if child.printed:
                 self._printed.append(child.printed)
 
-    def _begin(self, readable: Sequence[Path] = ()) -> ChildProcess:
+    def _begin(self, readable: Sequence[Path] = ()) -> StudentProcess:
         if not hasattr(select, "poll"):
             from snr_sim.grading.remote.piped_process import PipedProcess  # on Windows
 
             assert self.isolation == "none"
             return PipedProcess(self.folder, self._limits)
-        return ChildProcess(self.folder, self.isolation, self._limits, readable, self._fork_server)
+        return StudentProcess(self.folder, self.isolation, self._limits, readable, self._fork_server)
 
     def _path(self, file: str) -> Path:
         if Path(file).is_absolute() or ".." in Path(file).parts:

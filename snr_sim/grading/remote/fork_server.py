@@ -36,7 +36,7 @@ _RESPONSE_TIMEOUT_S = 130.0  # wall time; a copy takes a millisecond, and a star
 
 
 class ForkedChild:
-    """A student's process that is a copy; with the part of `subprocess.Popen` that `ChildProcess` uses."""
+    """A student's process that is a copy; with the part of `subprocess.Popen` that `StudentProcess` uses."""
 
     def __init__(self, fork_server: ForkServer, number: int, death: int, output: int) -> None:
         self._fork_server = fork_server

@@ -13,8 +13,8 @@ from pathlib import Path
 import msgspec
 
 from snr_sim.grading.lab.verdicts import GraderError
-from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.protocol import Hello
+from snr_sim.grading.remote.student_process import StudentProcess
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import FIRST_UID, LAST_UID, is_root_without_mount, missing_capabilities
 from snr_sim.grading.sandbox.sandbox import (
@@ -74,7 +74,7 @@ def _try_isolation(isolation: Isolation) -> tuple[int | None, str]:
     """Return the user of a process in this isolation, or its output if it failed."""
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
         Path(name).chmod(0o755)
-        child = ChildProcess(Path(name), isolation, Limits())
+        child = StudentProcess(Path(name), isolation, Limits())
         try:
             answer = child.ask(Hello(), 10.0)
         except GraderError as error:

@@ -17,7 +17,7 @@ from snr_sim.prelude.errors import SnrError
 from snr_sim.scenario.library import LRP
 
 if TYPE_CHECKING:  # the student's process imports this module, too
-    from snr_sim.grading.remote.child_process import ChildProcess
+    from snr_sim.grading.remote.student_process import StudentProcess
 
 MAX_PARSED_BYTES = 16 * 2**10  # some pages of text
 _NO_NETWORK = "there is no network in the grader"
@@ -35,7 +35,7 @@ REFUSED: dict[str, str] = {
 
 
 def check_imports(
-    folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], child: ChildProcess
+    folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], child: StudentProcess
 ) -> None:
     """Check the imports of a submitted file and of the submission's files that it imports; the child parses them.
 
@@ -79,7 +79,7 @@ def _rejection_reason(module: str, may_import: frozenset[str], refused: Mapping[
     return next((refused[name] for name in names if name in refused), "")
 
 
-def _parsed(path: Path, child: ChildProcess, parser: Callable[[bytes], list[Any]]) -> list[Any]:
+def _parsed(path: Path, child: StudentProcess, parser: Callable[[bytes], list[Any]]) -> list[Any]:
     try:
         with path.open("rb") as opened:
             found: list[Any] = child.parse(parser, opened.read(_MAX_SOURCE_BYTES))

@@ -14,14 +14,14 @@ from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
-from snr_sim.grading.remote.child_process import CHUNK, ChildProcess
 from snr_sim.grading.remote.cpu_timeout import POLL_PERIOD_S, CpuTimeout
 from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.remote.protocol import PIPES
+from snr_sim.grading.remote.student_process import CHUNK, StudentProcess
 from snr_sim.grading.sandbox.sandbox import Limits
 
 
-class PipedProcess(ChildProcess):
+class PipedProcess(StudentProcess):
     """A process that holds one submission. It counts its CPU time itself; its memory is not limited."""
 
     def __init__(self, folder: Path, limits: Limits) -> None:

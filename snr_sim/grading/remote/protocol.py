@@ -18,7 +18,7 @@ import msgspec
 
 from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote.sent_code import SentCode
-from snr_sim.links.wire_bounds import check_exponents, without_texts
+from snr_sim.links.messages import check_exponents, without_texts
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.values import JSON_ERRORS, decode_value
 

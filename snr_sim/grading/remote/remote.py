@@ -28,8 +28,8 @@ from snr_sim.core.node import Node
 from snr_sim.core.output_recording import LEVELS
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.sent_code import LAB_MODULE
+from snr_sim.grading.remote.student_process import StudentProcess
 from snr_sim.grading.remote.task_filter import TaskFilter
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import SnrError
@@ -50,7 +50,7 @@ class StudentCodeError(SnrError):
 class Remote:
     """The student's components in all of the grader's nodes; a file of the submission has their `factories`."""
 
-    def __init__(self, child: ChildProcess, file: str) -> None:
+    def __init__(self, child: StudentProcess, file: str) -> None:
         self._child = child
         self._file = file
         self.task_filter: TaskFilter = TaskFilter(file)
@@ -64,7 +64,7 @@ class Remote:
         self._answers: dict[str, list[Task] | StudentCodeError] = {}  # to it, by component
 
     def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
-        """Send a request to the student's process, as `ChildProcess.ask`; return its answer, of the decoder's type.
+        """Send a request to the student's process, as `StudentProcess.ask`; return its answer, of the decoder's type.
 
         Raises:
             SubmissionError: the answer has another type; kept too, as a node that runs replaces the message by its own.
@@ -262,7 +262,7 @@ class RemoteEndpoint(Endpoint):
         return handlers
 
     def _handler(self, label: str) -> TaskHandler:
-        def handle(task: Task, task_id: TaskId) -> SomeTasks:
+        def handle(task: Task, _task_id: TaskId) -> SomeTasks:
             return self.factory.remote.handle(self, task)
 
         handle.__name__ = label

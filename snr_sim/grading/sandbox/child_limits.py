@@ -132,7 +132,7 @@ class _Timer:
                 _thread.interrupt_main(*_TIME_UP)
 
 
-def _time_is_up(number: int, frame: FrameType | None) -> None:
+def _time_is_up(number: int, _frame: FrameType | None) -> None:
     """Raise in the running program; if that does not stop it, the next signal ends the process."""
     signal.signal(number, signal.SIG_DFL)
     raise CpuTimeExceeded("this takes too long: its CPU time is used up")

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from snr_sim.plants.ground.dozer import Dozer
-from snr_sim.plants.ground.drive_lag import DriveLag, Pair
 from snr_sim.plants.ground.explorer import Explorer
 from snr_sim.plants.ground.room import Point, Room
 from snr_sim.plants.ground.room_space import RoomSpace
@@ -23,7 +22,8 @@ from snr_sim.plants.pymunk_engine import pymunk_module
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 
 STEP_S = 0.005
-
+SAME_MPS = 1e-6  # a speed that is as near as rounding allows has arrived
+Pair = tuple[float, float]  # left and right
 
 StateT = TypeVar("StateT", bound=Any)  # a NamedTuple of the attributes that are the full state
 
@@ -138,3 +138,26 @@ class GroundVehicle(Generic[StateT]):
 
     def _place(self) -> None:
         self._space.put_body(*self.position_m, self.heading_rad)
+
+
+class DriveLag:
+    """Lag of first order with which wheels or tracks follow the speeds they are commanded, exact for any step.
+
+    Args:
+        lag_s: time after which 63 % of a change is reached.
+        step_s: of integration.
+    """
+
+    def __init__(self, lag_s: float, step_s: float) -> None:
+        self._left, self._steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
+
+    def advance(self, now_mps: Pair, goals_mps: Pair) -> tuple[Pair, Pair]:
+        """Return the speeds at the end of a step [m/s], and their means in it."""
+        if now_mps == goals_mps:
+            return now_mps, now_mps
+        news = [goal + (now - goal) * self._left for now, goal in zip(now_mps, goals_mps, strict=True)]
+        mean_left, mean_right = (
+            goal + (now - new) * self._steps for now, new, goal in zip(now_mps, news, goals_mps, strict=True)
+        )
+        left, right = (goal if abs(new - goal) < SAME_MPS else new for new, goal in zip(news, goals_mps, strict=True))
+        return (left, right), (mean_left, mean_right)

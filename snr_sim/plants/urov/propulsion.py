@@ -267,7 +267,7 @@ class Propulsion:
                 else MAX_PULSE_US
                 if shifted > MAX_PULSE_US
                 else shifted
-                for pulse, shift in zip(cast(list[float], pulses), self._neutral_offsets_us, strict=True)
+                for pulse, shift in zip(cast("list[float]", pulses), self._neutral_offsets_us, strict=True)
             ]
         else:
             applied = [esc.update(pulse, volts, dt_s) for esc, pulse in zip(self.escs, pulses, strict=True)]

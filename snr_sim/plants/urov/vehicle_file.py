@@ -128,7 +128,7 @@ def _source(what: str, key: Any, named: dict[str, str]) -> str:
     return named[key]
 
 
-def _number(name: str, value: Any, flip: Flip) -> float:
+def _number(name: str, value: Any, _flip: Flip) -> float:
     check_number(name, value)
     return float(value)
 
@@ -139,7 +139,7 @@ def _place(name: str, value: Any, flip: Flip) -> Vector:
     return x, y, z
 
 
-def _row(name: str, value: Any, flip: Flip, axes: Sequence[str] = AXES) -> tuple[float, ...]:
+def _row(name: str, value: Any, _flip: Flip, axes: Sequence[str] = AXES) -> tuple[float, ...]:
     check_vector(name, value, axes=axes)
     return tuple(map(float, value))
 

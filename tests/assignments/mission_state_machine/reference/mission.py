@@ -5,6 +5,7 @@ page "panel" comes, 20 times a second -------------------------------+--> machin
 """
 
 import math
+from typing import Any
 
 from machine import Machine
 from snr_sim_robot_urov.steering import Steering
@@ -17,7 +18,7 @@ SURFACE_M = 0.2  # the depth to ask for on the way up
 
 
 class Mission(Endpoint):
-    route: list  # two places for each gate: one before it, to line up, and one behind it
+    route: list[Any]  # two places for each gate: one before it, to line up, and one behind it
 
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)

@@ -15,7 +15,7 @@ class Machine:
     """What mission.py uses: a state, a gate, and since when."""
 
     def __init__(self, gates):
-        self.known = {}
+        self.known: dict[str, object] = {}
         self.interpreter = Interpreter(MISSION, self.known, bridge=BRIDGE)
         self.interpreter.set("mission.gates", gates)
         self.interpreter.spawn(0)

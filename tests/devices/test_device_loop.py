@@ -22,7 +22,8 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.core.lockstep import LockStep
-from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, SensorLoopFactory
+from snr_sim.devices.commands import ActuatorLoopFactory, CommandLoop
+from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError, DeviceError, SensorLostError
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
@@ -178,7 +179,7 @@ def test_actuator_loop_clamps_command_and_logs_once() -> None:
     actuator = FakeActuator(Push, LIMITS)
     node = run(commands({"thrust_n": 99.0}, {"thrust_n": 98.0}, {"gimbal_rad": -1.0}), engine(actuator))
     assert actuator.written == [Push(40.0, 0.0), Push(40.0, 0.0), Push(0.0, -0.1)]
-    assert all("test_loops.py, line " in note.splitlines()[0] for note in node.notes)
+    assert all("test_device_loop.py, line " in note.splitlines()[0] for note in node.notes)
     assert [note.splitlines()[1].strip().split(" (reported")[0] for note in node.notes] == [
         "Command 'engine.thrust_n' = 99 is outside (0.0, 40.0) and was clamped to 40",
         "Command 'engine.gimbal_rad' = -1 is outside (-0.1, 0.1) and was clamped to -0.1",
@@ -215,7 +216,7 @@ def test_invalid_command_leaves_actuator_neutral_and_stops_run(
     assert "'engine_actuator'" in str(caught.value)
     assert "by send() of component 'pilot'" in str(caught.value)
     assert re.match(
-        r".*test_loops.py, line \d+: loop.store_data\(.engine., command\)\n  Page 'engine'", str(caught.value)
+        r".*test_device_loop.py, line \d+: loop.store_data\(.engine., command\)\n  Page 'engine'", str(caught.value)
     )
     assert actuator.written == [Push(5.0, 0.0)]
     assert actuator.is_neutral

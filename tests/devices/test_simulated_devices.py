@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from snr_sim.devices.commands import SimActuator
-from snr_sim.devices.simulated import SensorErrors, SimSensor
+from snr_sim.devices.readings import SensorErrors, SimSensor
 from snr_sim.prelude.device import Actuator, Sensor
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLostError
 

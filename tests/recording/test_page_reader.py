@@ -23,9 +23,9 @@ from snr_sim import (
 from snr_sim.core.config import Config
 from snr_sim.core.runners import SimRunner
 from snr_sim.prelude.errors import RecordingError
+from snr_sim.recording.replayers import ListReplayerFactory
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.program import program_header
-from snr_sim.std_mods.replayer import ListReplayerFactory
 
 
 def page(data: Any, created_at_s: float = 0.0, origin: str = "a_node", key: str = "x") -> bytes:
@@ -193,3 +193,17 @@ def test_trace_pages_have_storage_times_of_requested_node(tmp_path: Path) -> Non
     stored = list(iter(arrived.read_stored, None))
     assert [(one.time_s, one.page.data, one.page.created_at_s) for one in stored] == [(0.125, 1, 0.0), (0.375, 2, 0.25)]
     assert arrived.warnings == []
+
+
+def test_trace_pages_without_their_cause_or_values_are_skipped(tmp_path: Path) -> None:
+    file = tmp_path / "trace.jsonl"
+    whole = b'{"kind":"input","seq":1,"t":0.5,"node":"a","source":"s","type":"store_page","name":"x","values":[%s]}'
+    lines = [whole % page(1), b'{"kind":"page","seq":2,"cause":1}', b'{"kind":"page","seq":3,"cause":1}', whole % b""]
+    file.write_bytes(b"\n".join([*lines, b'{"kind":"page","seq":4,"cause":1}', b""]))
+    with PageReader(file) as reader:
+        assert [one.data for one in reader] == [1]
+    assert [one.partition(", ")[2] for one in reader.warnings] == [
+        "line 3 was left out: This is not a page (record 3 refers to task 0 of record 1, which is not there or was "
+        "executed).",
+        "line 5 was left out: This is not a page (list index out of range).",
+    ]

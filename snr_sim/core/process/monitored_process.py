@@ -1,4 +1,4 @@
-"""Child process: it gets its start data, begins when it is ready, is monitored, and is shut down gracefully.
+"""A child process that is monitored: it gets its start data, begins when it is ready, and is shut down gracefully.
 
 owner's thread            threads of the child process               the process (core/process/spawned.py)
 send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   `execute_messages`
@@ -18,7 +18,7 @@ from snr_sim.prelude.errors import ValueEncodingError
 Message: TypeAlias = tuple[Any, ...]
 
 
-class ChildProcess:
+class MonitoredProcess:
     """A child process and the two threads that exchange messages with it.
 
     Args:

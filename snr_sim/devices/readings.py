@@ -1,7 +1,7 @@
-"""Simulated sensors: any output of a plant as a Sensor, with the errors of a real one.
+"""Readings of sensors: the loop that stores them as pages, and simulated sensors with the errors of real ones.
 
-A plant returns true values, and is used through its interface only. Errors apply to the true value in this order: bias
-and drift, noise, limits, resolution. `SimSensor` adds delay and rate.
+A simulated sensor measures any output of a plant, through the plant's interface only. Errors apply to the true value in
+this order: bias and drift, noise, limits, resolution. `SimSensor` adds delay and rate.
 """
 
 from __future__ import annotations
@@ -15,16 +15,90 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from snr_sim.core.loop import LoopFactory
+from snr_sim.devices.device_loop import DeviceLoop, start_device
+from snr_sim.prelude.device import Sensor, Stale
 from snr_sim.prelude.errors import ParameterError, SensorLostError, suggest
 from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.task import Page, Task
 
 if TYPE_CHECKING:
     import numpy as np
 
+MAX_STALE_NOTES = 5  # a loose plug is not logged indefinitely
 SMOOTHNESS = 500.0  # steps of a drifting error within its correlation time: each is 6 % of its sigma
 NOISE_BLOCK = 256  # drawn at once: single draws cost 40 times as much
 SAME_TIME_S = 1e-9  # times closer than this are equal, to allow for rounding
+
+
+class SensorLoopFactory(LoopFactory):
+    """Reads a sensor at a rate and stores each reading as a page.
+
+    Args:
+        key: of the page.
+        open_device: opens the sensor.
+        rate_hz: how often it is read.
+        process: whether a reading triggers a task `process_data`, or is only stored for later queries.
+    """
+
+    def __init__(self, key: str, open_device: Callable[[], Sensor[Any]], rate_hz: float, process: bool = True) -> None:
+        super().__init__()
+        self.key: str = key
+        self.open_device: Callable[[], Sensor[Any]] = open_device
+        self.rate_hz: float = rate_hz
+        self.process: bool = process
+
+    def get(self, parent: NodeApi) -> SensorLoop:
+        """Return the loop `<key>_sensor`."""
+        return SensorLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
+
+    def data_of(self, reading: Any) -> dict[str, Any]:
+        """Return the data of a reading's page, with copies of lists and arrays."""
+        data: dict[str, Any] = msgspec.to_builtins(reading)
+        return data
+
+
+class SensorLoop(DeviceLoop):
+    """Stores `{field: value}` of the newest reading under the sensor's key.
+
+    Without a reading nothing is stored, so the page grows old (`get_age_s`); this is logged once.
+    """
+
+    factory: SensorLoopFactory
+
+    def setup(self) -> None:
+        """Open the sensor."""
+        self._stale_times = 0
+        self._is_stale = False
+        self.device: Any = start_device(self.factory.open_device(), f"the sensor '{self.factory.key}'")
+
+    def loop(self) -> None:
+        """Read once."""
+        factory = self.factory
+        reading = self.device.read()
+        if type(reading) is Stale:
+            self._log_stale(reading)
+            return
+        if self._is_stale:
+            self._is_stale = False
+            self._log_state("answers again")
+        data = factory.data_of(reading)  # made here, so no snapshot is needed
+        self.schedule(Task.store_page(Page(factory.key, data, self.parent.name, self.get_time_s(), factory.process)))
+
+    def _log_stale(self, stale: Stale) -> None:
+        if not self._is_stale:
+            self._is_stale = True
+            self._stale_times += 1
+            self._log_state(f"has no reading: {stale.reason}")
+
+    def _log_state(self, what: str) -> None:
+        text = f"Sensor '{self.factory.key}', t = {self.get_time_s():.2f} s: it {what}"
+        if self._stale_times < MAX_STALE_NOTES:
+            self.parent.add_note(text)
+        elif self._stale_times == MAX_STALE_NOTES:
+            self.parent.add_note(f"{text} (not reported again)")
 
 
 @dataclass(frozen=True)

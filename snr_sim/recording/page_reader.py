@@ -1,6 +1,6 @@
 """Readers of the lines of a text file, and of the pages of a recording or a trace. They work without a node.
 
-A recording is written by `std_mods/recorder.py`: a page on each line, and before the pages of each run a line
+A recording is written by `recording/page_recorder.py`: a page on each line, and before the pages of each run a line
 `{"$":"start","node":"urov_node"}`. A trace is the `trace.jsonl` of any recorded run. Recordings of the 2021 library
 are supported, too: their pages are plain JSON objects, which may contain NaN.
 """
@@ -11,13 +11,15 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO, Generic, NamedTuple, Self, TypeAlias, TypeVar
+from typing import BinaryIO, Generic, NamedTuple, Self, TypeVar
 
 import msgspec
 
 from snr_sim.prelude.errors import RecordingError, ValueEncodingError
 from snr_sim.prelude.task import DataKey, Page, ensure_type_info
 from snr_sim.prelude.values import JSON_ERRORS, TAG
+from snr_sim.recording.records import PageRecord, decode_line
+from snr_sim.recording.references import References
 
 START = "start"
 _START_LINE = f'{{"{TAG}":"{START}"'.encode()
@@ -103,7 +105,7 @@ class PageReader(_Reader[Page]):
         self._keys = {keys} if isinstance(keys, str) else None if keys is None else set(keys)
         self._node = node
         self._times = _Times()
-        self._tasks = _TasksOfTrace()
+        self._references = References()  # between the lines of a trace
         self._number = 0
         self._skipped = 0
         self._warnings: list[str] = []
@@ -131,7 +133,7 @@ class PageReader(_Reader[Page]):
                 continue
             try:
                 stored = self._stored(line)
-            except (ValueEncodingError, *JSON_ERRORS) as error:
+            except (ValueEncodingError, LookupError, *JSON_ERRORS) as error:
                 self._skip(error)
                 continue
             if stored is not None and (self._keys is None or stored.page.key in self._keys):
@@ -151,11 +153,10 @@ class PageReader(_Reader[Page]):
     def _of_trace(self, line: bytes) -> StoredPage | None:
         if not line.startswith(_KINDS_WITH_TASKS):
             return None
-        record = _decode_task_record(line)
-        task = self._tasks.take(record)
-        if record.kind != "page" or self._node not in ("", task.node):
+        record = self._references.resolve(decode_line(line))
+        if not isinstance(record, PageRecord) or self._node not in ("", record.node):
             return None
-        return StoredPage(task.time_s, Page.deserialize(bytes(task.values[0])))
+        return StoredPage(record.t, Page.deserialize(bytes(_decode_values(record.values)[0])))
 
     def _skip(self, error: Exception) -> None:
         self._skipped += 1
@@ -173,69 +174,9 @@ class _Start(msgspec.Struct):
     node: str
 
 
-class _TaskRecord(msgspec.Struct):
-    """Fields that a reader of pages needs of trace records that contain or execute tasks; see docs/formats.md."""
-
-    kind: str
-    seq: int
-    t: float | None = None
-    node: str = ""
-    cause: int = 0
-    index: int = 0
-    values: list[msgspec.Raw] = []
-    process: bool | None = True
-    handled: list[tuple[str, str, list[_Returned]]] = []
-    returned: list[_Returned] = []
-
-
-_Returned: TypeAlias = tuple[str, str, list[msgspec.Raw]]
 _KINDS_WITH_TASKS = tuple(f'{{"kind":"{kind}"'.encode() for kind in ("begin", "input", "repeat", "task", "page"))
-_KEPT = 500  # executed tasks: an input repeats one at most 500 records later
 _decode_start = msgspec.json.Decoder(_Start).decode
-_decode_task_record = msgspec.json.Decoder(_TaskRecord).decode
-
-
-class _Task(NamedTuple):
-    """A task in a trace: its node, time and values."""
-
-    node: str
-    time_s: float
-    values: list[msgspec.Raw]
-
-
-class _TasksOfTrace:
-    """The tasks of a trace by the record that contains them and their index there, for later references."""
-
-    def __init__(self) -> None:
-        self._waiting: dict[tuple[int, int], _Task] = {}
-        self._executed: dict[tuple[int, int], _Task] = {}
-
-    def take(self, record: _TaskRecord) -> _Task:
-        """Return the task that a record executes or adds from outside, and keep those that it returns.
-
-        Raises:
-            ValueEncodingError: the record refers to a task that does not exist.
-        """
-        task = _Task(record.node, record.t or 0.0, record.values)
-        if record.cause:
-            task = self._find(record, (record.cause, record.index))
-        carried = [task.values] if record.kind in ("input", "repeat") else [values for _, _, values in record.returned]
-        if record.kind == "page" and record.process:
-            carried.append(task.values)  # its process_data carries the same page
-        carried += [values for _, _, returned in record.handled for _, _, values in returned]
-        for index, values in enumerate(carried):
-            self._waiting[record.seq, index] = _Task(task.node, task.time_s, values)
-        return task
-
-    def _find(self, record: _TaskRecord, place: tuple[int, int]) -> _Task:
-        task = self._waiting.get(place) or self._executed.get(place)
-        if task is None:
-            raise ValueEncodingError(f"Record {record.seq} refers to a task that is not there.")
-        if record.kind != "repeat":
-            self._executed[place] = self._waiting.pop(place, task)
-            if len(self._executed) > _KEPT:
-                del self._executed[next(iter(self._executed))]
-        return _Task(record.node or task.node, task.time_s if record.t is None else record.t, task.values)
+_decode_values = msgspec.json.Decoder(list[msgspec.Raw]).decode
 
 
 class _Times:

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from snr_sim.plants.realtime import RealTimePlant
+from snr_sim.plants.stepping import RealTimePlant
 from snr_sim.prelude.signals import EngineCommand, LeakReading
 from snr_sim.testing.fakes import FakePlant
 

@@ -35,7 +35,7 @@ _NEWLINE = 10
 _START_CPU_S = 10.0  # of Python with snr_sim: about 0.2
 
 
-class ChildProcess:
+class StudentProcess:
     """A process that holds one submission, whose folder is its current folder.
 
     Args:

@@ -14,7 +14,7 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import DataKey, Page, Task
-from snr_sim.std_mods.readers import PageReader, TextReader
+from snr_sim.recording.page_reader import PageReader, TextReader
 
 ALL_REPLAYED = "replayed"
 

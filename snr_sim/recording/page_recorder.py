@@ -1,6 +1,6 @@
 """Recorder: writes the pages of some keys into a text file, a page on each line, as they are stored.
 
-A small tool in addition to the trace, for data that you want to keep, plot, or replay (`std_mods/replayer.py`). The
+A small tool in addition to the trace, for data that you want to keep, plot, or replay (`recording/replayers.py`). The
 trace of a run has everything and does not need a recorder.
 
 A recording is only appended to. A reload continues in the same file, and so does the next start of the program, which
@@ -24,7 +24,7 @@ from snr_sim.prelude.errors import ConfigError, RecordingError, SnrError, ValueE
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.values import TAG
-from snr_sim.std_mods.readers import START
+from snr_sim.recording.page_reader import START
 
 _OBJECT = b'"$":"object"'  # tag of a value that cannot be decoded; inside a text the quotes are escaped
 

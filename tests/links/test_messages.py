@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 from snr_sim import Page
 from snr_sim.console.wire import Reply, decode_request, result_from_reply
 from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
-from snr_sim.links.messages import decode_message
+from snr_sim.links.messages import MAX_DEPTH, MAX_LONG_EXPONENTS, check_bounds, decode_message, decode_page, encode_page
 from snr_sim.links.session import Session, SessionConfig
-from snr_sim.links.wire_bounds import MAX_DEPTH, MAX_LONG_EXPONENTS, check_bounds, decode_page, encode_page
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.task import KINDS
 from snr_sim.prelude.values import decode_value

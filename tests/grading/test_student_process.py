@@ -9,9 +9,9 @@ import pytest
 from snr_sim.grading import Student
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import launch
-from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.remote.protocol import Hello
+from snr_sim.grading.remote.student_process import StudentProcess
 from snr_sim.grading.sandbox.sandbox import Limits
 
 
@@ -27,7 +27,7 @@ def test_process_that_ends_before_loading_raises_grader_error(
         return [*command[:-1], ending], folder
 
     monkeypatch.setattr(launch, "start_command", broken)
-    child = ChildProcess(tmp_path, "none", Limits())
+    child = StudentProcess(tmp_path, "none", Limits())
     with pytest.raises(GraderError, match="could not be started"):
         child.ask(Hello(), 1.0)
     child.close()
@@ -41,7 +41,7 @@ def test_failed_start_closes_both_sockets(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(launch, "start_command", fails)
     monkeypatch.setattr("socket.socketpair", lambda: line)
     with pytest.raises(OSError, match="Too many"):
-        ChildProcess(tmp_path, "none", Limits())
+        StudentProcess(tmp_path, "none", Limits())
     assert [end.fileno() for end in line] == [-1, -1]
 
 
