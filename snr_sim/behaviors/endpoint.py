@@ -1,6 +1,6 @@
 """The interpreter as a component of a node: its steps are tasks, so a run with machines is recorded and replayed.
 
-StepLoop --> event "<name>.step" --.
+StepLoop, or AlarmLoop (see alarm.py) --> event "<name>.step" --.
 sensors --> pages in `reacts_to` --+--> MachineEndpoint --> tasks of the blocks
 others --> events that are signals'                   `--> event "<name>.transition", page "<name>"
 """
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from snr_sim.behaviors.alarm import NEXT_S, AlarmLoopFactory, alarm_key, check_needs_no_clock, pages_read
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
@@ -45,10 +46,14 @@ def machine_parts(
 
     Args:
         program, name, reacts_to, bridge, path: of the machine.
-        step_hz: how often it takes a step.
+        step_hz: how often it takes a step. 0: only at signals, at pages that its conditions read or `reacts_to`, and
+            exactly at its time-outs; see `alarm.py`.
+
+    Raises:
+        ProgramError: without a clock, the program does something in each step.
     """
-    made = MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge, path=path)
-    return [StepLoopFactory(name, step_hz), made]
+    made = MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge, path=path, has_alarm=step_hz == 0)
+    return [StepLoopFactory(name, step_hz) if step_hz else AlarmLoopFactory(name), made]
 
 
 class StepLoopFactory(LoopFactory):
@@ -92,9 +97,11 @@ class MachineFactory(EndpointFactory):
         reacts_to: pages that cause a step as soon as they are stored.
         bridge: the parts of the robot that a program in LRP names.
         path: its file, which `--watch` reads again when it is saved.
+        has_alarm: whether an `AlarmLoop` is its clock.
 
     Raises:
         ConfigError: the program is something else, or the name is that of a page of the bridge.
+        ProgramError: with an alarm, the program does something in each step.
     """
 
     def __init__(
@@ -105,12 +112,16 @@ class MachineFactory(EndpointFactory):
         reacts_to: Sequence[DataKey] = (),
         bridge: Bridge | None = None,
         path: Path | None = None,
+        has_alarm: bool = False,
     ) -> None:
         super().__init__()
         if not isinstance(program, Program):
             raise ConfigError(f"MachineFactory is given {program!r}.", fix="what machine(...) returns.")
         if bridge is not None and name in bridge.keys:
             raise ConfigError(f"A machine is named '{name}', and so is a page of the robot.", fix="rename the machine.")
+        if has_alarm:
+            check_needs_no_clock(program)
+        self.has_alarm: bool = has_alarm
         self.program: Program = program
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
@@ -176,6 +187,8 @@ class MachineEndpoint(Endpoint):
         # Changes and answered edits, each with the number of the program then, for a reader on another thread.
         self.recent: deque[tuple[int, Change | EditAnswer]] | None = None
         self._paused_ns = 0
+        self._alarm_ns: int | None = -1  # in the page of the alarm; it has not been stored yet
+        self._must_plan = True  # something other than a page may have moved the next time-out
         self._transition = f"{name}.transition"
         # That no other component needs.
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in ("transition", "log", *HANDLED)]
@@ -197,8 +210,11 @@ class MachineEndpoint(Endpoint):
     def _set_handlers(self) -> None:
         """Handle the signals of the present program, and what is always handled."""
         name = self.name
-        handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in self.factory.reacts_to}
-        handlers |= {(TaskType.event, signal): self.on_signal for signal in self.interpreter.program.signals()}
+        program, pages = self.interpreter.program, self.factory.reacts_to
+        if self.factory.has_alarm:
+            pages = (*pages, *pages_read(program, self.factory.bridge))
+        handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in pages}
+        handlers |= {(TaskType.event, signal): self.on_signal for signal in program.signals()}
         handlers |= {(TaskType.event, f"{name}.{what}"): getattr(self, f"on_{what}") for what in HANDLED}
         self.task_handlers = handlers
 
@@ -248,7 +264,7 @@ class MachineEndpoint(Endpoint):
         except (ValueError, TypeError, ParameterError, UnknownNameError) as error:
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {error}")
             return None
-        return self.store_data_task(self.name, self._page())
+        return [self.store_data_task(self.name, self._page()), *self._step_now()]
 
     def on_pause(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take no more steps; the robot is at neutral, whatever an edit commands."""
@@ -275,7 +291,7 @@ class MachineEndpoint(Endpoint):
             self.interpreter.delay(self._now_ns() - self._paused_ns)
         robot = self.interpreter.robot
         commands = [] if robot is None else robot.hold(is_held=is_held)
-        return [*commands, self.store_data_task(self.name, self._page())]
+        return [*commands, self.store_data_task(self.name, self._page()), *self._step_now()]
 
     def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue with another text, if it is a program."""
@@ -290,6 +306,8 @@ class MachineEndpoint(Endpoint):
         now = self.interpreter.program
         try:
             program = read(task, now)
+            if self.factory.has_alarm:
+                check_needs_no_clock(program)
             edited, changes = self.interpreter.edit(program, self._now_ns())
         except ProgramError as error:
             present = {"text": now.text} if isinstance(error, StaleEditError) else {}
@@ -302,7 +320,7 @@ class MachineEndpoint(Endpoint):
             given, answer = (*task.val_list, None)[0], done[-1].val_list[0].data
             row = EditAnswer(given, answer, self.interpreter.program, self.get_time_s())
             self.recent.append((self.program_number, row))
-        return done
+        return [*done, *self._step_now()]
 
     def _answer(self, problems: Sequence[Problem], edited: Edited | None, source: str, **more: str) -> Task:
         """Return the task that stores the answer to an edit; log it.
@@ -353,7 +371,30 @@ class MachineEndpoint(Endpoint):
                 self.recent.extend((self.program_number, one) for one in changes)
         if changes or has_changed:
             found.append(self.store_data_task(self.name, self._page()))
-        return found
+        return [*found, *self._alarm_set(is_new=bool(changes))] if self.factory.has_alarm else found
+
+    def _step_now(self) -> list[Task]:
+        """Return the step that looks at what has changed from outside, if there is no clock."""
+        if not self.factory.has_alarm:
+            return []
+        self._must_plan = True
+        return self._alarm_set(is_new=False) if self.is_paused else [tasks.event(f"{self.name}.step")]
+
+    def _alarm_set(self, *, is_new: bool) -> list[Task]:
+        """Return the task that sets the alarm to the next step, if it has to be set.
+
+        One that a page has moved to a later time stays: it then causes a step in which nothing happens. Otherwise each
+        reading would set the alarm at which it becomes too old.
+        """
+        next_ns = None if self.is_paused else self.interpreter.next_ns(is_new=is_new)
+        before_ns, must_plan = self._alarm_ns, self._must_plan or is_new
+        self._must_plan = False
+        is_ahead = before_ns is not None and self._now_ns() < before_ns and (next_ns is None or before_ns < next_ns)
+        if next_ns == before_ns or (is_ahead and not must_plan):
+            return []
+        self._alarm_ns = next_ns
+        page = {NEXT_S: None if next_ns is None else next_ns / NS_PER_S}
+        return [self.store_data_task(alarm_key(self.name), page, process=False)]
 
     def _page(self) -> dict[str, Any]:
         interpreter, last = self.interpreter, self._last
