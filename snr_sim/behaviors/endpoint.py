@@ -20,6 +20,7 @@ from snr_sim.behaviors.alarm import NEXT_S, AlarmLoopFactory, alarm_key, check_n
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
+from snr_sim.behaviors.guard import EditGuard
 from snr_sim.behaviors.interpreter import Change, Interpreter
 from snr_sim.behaviors.live_edit import LiveEdits, StaleEditError
 from snr_sim.behaviors.program import Place, Problem, Program, ProgramError, show_problem
@@ -30,7 +31,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
 
 
 def machine_parts(
@@ -122,6 +123,7 @@ class MachineFactory(EndpointFactory):
         if has_alarm:
             check_needs_no_clock(program)
         self.has_alarm: bool = has_alarm
+        self.guard_s: float | None = None  # see `guard_edits`
         self.program: Program = program
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
@@ -133,6 +135,7 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
+FAILSAFE = "failsafe"  # key of the page by which a robot reports that it does not go on
 HANDLED = ("step", "set", "pause", "step_once", "go", "edit", "edit_file")  # events, besides its signals
 STEP_ONCE_NS = 10_000_000  # by which the time of a machine that is paused advances in a single step
 
@@ -164,11 +167,12 @@ class MachineEndpoint(Endpoint):
         <name>.pause, <name>.go     between them it takes no step, and its time stands still; signals are ignored
         <name>.step_once            while it is paused: takes one step, 10 ms later for it; the robot stays in neutral,
                                     and what the step commanded is given by <name>.go
-        <name>.edit [text, sha256, files]
+        <name>.edit [text, sha256, files, cause]
                                     continues with another program in LRP; the digest, if given, is that of the program
                                     which was edited, and the edit is refused if it is another one by now; `files` are
-                                    the texts of the programs that it imports, if they are not those of before. The
-                                    sender should parse it before: then `parse` answers from its memory here
+                                    the texts of the programs that it imports, if they are not those of before;
+                                    `cause`: why the program before an edit is put back. The sender should parse it
+                                    before: then `parse` answers from its memory here
         <name>.edit_file [text, file]
                                     continues with another text of a file that is imported
 
@@ -193,6 +197,7 @@ class MachineEndpoint(Endpoint):
         # That no other component needs.
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in ("transition", "log", *HANDLED)]
         self._last: Change | None = None
+        self._guard = None if factory.guard_s is None else EditGuard(factory.guard_s)
         self._edits = LiveEdits(name, factory.program, factory.bridge, factory.path)
         self._set_handlers()
 
@@ -229,6 +234,8 @@ class MachineEndpoint(Endpoint):
         self.parent.record_text(self.name, "PROGRAM", program.text)
         for file, text in program.files.items():
             self.parent.record_text(f"{self.name} {file}", "PROGRAM", text)
+        if self._guard is not None:
+            self.parent.add_store_listener(FAILSAFE, self._on_failsafe)
         self.schedule(self._results(self.interpreter.spawn(self._now_ns())))
 
     def halt(self) -> None:
@@ -242,6 +249,8 @@ class MachineEndpoint(Endpoint):
             self.parent.add_note(
                 f"Machine '{self.name}' was in no state that waits for '{signal}' when it came, {count} times."
             )
+        if self._guard is not None:
+            self.parent.remove_store_listener(FAILSAFE, self._on_failsafe)
 
     def on_step(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take a step."""
@@ -303,11 +312,14 @@ class MachineEndpoint(Endpoint):
 
     def _continue_with(self, task: Task, read: Callable[[Task, Program], Program], text: str) -> list[Task]:
         """Return what an edit causes; its last task stores the answer. Problems are in `text`."""
-        now = self.interpreter.program
+        now, cause = self.interpreter.program, (*task.val_list, "", "", "", "")[3]
+        if self._guard is not None and cause:
+            self._guard.is_waiting = False
         try:
             program = read(task, now)
             if self.factory.has_alarm:
                 check_needs_no_clock(program)
+            problems = list(self.interpreter.problems.values())
             edited, changes = self.interpreter.edit(program, self._now_ns())
         except ProgramError as error:
             present = {"text": now.text} if isinstance(error, StaleEditError) else {}
@@ -315,6 +327,13 @@ class MachineEndpoint(Endpoint):
         else:
             self.program_number += 1
             self._set_handlers()
+            if cause:
+                edited.notes.append(f"The program before an edit is back: {cause}")
+                self.parent.add_note(f"Machine '{self.name}' has the program before an edit again: {cause}")
+            if self._guard is not None and cause:
+                self._guard.remove()
+            elif self._guard is not None:
+                self._guard.add(now, problems, self._real_ns())
             done = [*self._results(changes, has_changed=True), self._answer(program.warnings, edited, text)]
         if self.recent is not None:
             given, answer = (*task.val_list, None)[0], done[-1].val_list[0].data
@@ -352,7 +371,24 @@ class MachineEndpoint(Endpoint):
 
     def _now_ns(self) -> int:
         """Return the time of the machines, which stands still while they are paused."""
-        return self._paused_ns if self.is_paused else round(self.get_time_s() * NS_PER_S)
+        return self._paused_ns if self.is_paused else self._real_ns()
+
+    def _real_ns(self) -> int:
+        return round(self.get_time_s() * NS_PER_S)
+
+    def _on_failsafe(self, page: Page) -> None:
+        if page.data:
+            self._put_back(f"page '{FAILSAFE}' came")
+
+    def _put_back(self, cause: str) -> None:
+        """Send the program before the newest guarded edit as an edit; an input, since a replay has no guard."""
+        edit = None if self._guard is None else self._guard.newest(self._real_ns())
+        if self._guard is None or edit is None:
+            return
+        self._guard.is_waiting = True
+        self.log.warning("%s: %s. The program before the edit is put back.", self.name, cause)
+        values = [edit.before.text, self.interpreter.program.sha256, dict(edit.before.files), cause]
+        self.parent.enqueue_input(tasks.event(f"{self.name}.edit", values), f"{self.name}.guard")
 
     def _results(self, changes: list[Change], *, has_changed: bool = False) -> list[Task]:
         """Return the tasks of what the interpreter has done; `has_changed`: something else on the page has."""
@@ -371,6 +407,8 @@ class MachineEndpoint(Endpoint):
                 self.recent.extend((self.program_number, one) for one in changes)
         if changes or has_changed:
             found.append(self.store_data_task(self.name, self._page()))
+        if self._guard is not None and (cause := self._guard.failure(interpreter.problems.values(), self._real_ns())):
+            self._put_back(cause)
         return [*found, *self._alarm_set(is_new=bool(changes))] if self.factory.has_alarm else found
 
     def _step_now(self) -> list[Task]:
