@@ -135,7 +135,7 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
-FAILSAFE = "failsafe"  # key of the page by which a robot reports that it does not go on
+FAILSAFE = "failsafe"  # key of the page by which a robot reports that it has stopped
 HANDLED = ("step", "set", "pause", "step_once", "go", "edit", "edit_file")  # events, besides its signals
 STEP_ONCE_NS = 10_000_000  # by which the time of a machine that is paused advances in a single step
 
