@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from snr_sim.cli.machine_replay import replay_machines
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import capture_output, print_json, print_text
-from snr_sim.cli.replay import config_of_replay
-from snr_sim.cli.trust import ask
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.prelude.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -32,13 +30,14 @@ def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> N
         trust: whether files of another user may be executed without a question.
         as_json: whether to print JSON.
     """
-    from snr_sim.scenario.machine_edits import changes_of
+    from snr_sim.scenario.machine_edits import changes_of, without_edits
 
     trace = trace_of(run)
-    then, left_out = _ordered(changes_of(trace.records)), _edits_in(trace)
+    then = _ordered(changes_of(trace.records))
     if not then:
         raise ParameterError("This run has no state machine.", fix="name a run whose controller has one.")
-    now = _changes_with(replace(trace, records=[one for one in trace.records if id(one) not in left_out]), file, trust)
+    without, left_out = without_edits(trace)
+    now = _ordered(change for one in replay_machines(without, file, trust=trust) for change in changes_of(one.records))
     pairs = zip_longest(then, now)
     first = next(((a, b) for a, b in pairs if a is None or b is None or _key(a) != _key(b)), None)
     visits = [Counter((one["machine"], one["target"]) for one in rows if one["target"]) for rows in (then, now)]
@@ -47,9 +46,9 @@ def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> N
         for machine, state in visits[0] | visits[1]
     ]
     if as_json:
-        print_json({"first": first, "states": states, "edits_left_out": len(left_out)})
+        print_json({"first": first, "states": states, "edits_left_out": left_out})
     else:
-        _print(first, states, len(left_out), trace)
+        _print(first, states, left_out, trace)
     if first is not None:
         raise typer.Exit(1)
 
@@ -61,30 +60,6 @@ def _key(change: Change) -> tuple[Any, ...]:
 def _ordered(changes: Iterable[Change]) -> list[Change]:
     """Return changes in the order of time and machine: nodes side by side have no common one."""
     return sorted(changes, key=lambda one: (one["t_ns"], one["machine"]))
-
-
-def _edits_in(trace: Trace) -> set[int]:
-    """Return the ids of the inputs that edit a machine: they would replace the program that is tried."""
-    from snr_sim.recording.records import InputRecord
-
-    names = (".edit", ".edit_file")
-    return {id(one) for one in trace.records if isinstance(one, InputRecord) and one.name.endswith(names)}
-
-
-def _changes_with(trace: Trace, file: str, trust: bool) -> list[Change]:
-    """Execute the run again with another program; return its changes of state."""
-    from snr_sim.core.reload.sources import reading_from
-    from snr_sim.recording.replay import replay_node
-    from snr_sim.scenario.machine_edits import changes_of
-    from snr_sim.scenario.replay_files import files_of_replay
-
-    plan = files_of_replay(trace, file)
-    ask(trace.path.parent, plan.unknown, trust)
-    with capture_output(is_json=True), reading_from(plan.files):
-        config, _ = config_of_replay(trace, plan, file)
-        roles = [node.removesuffix("_node") for node in trace.header.nodes]
-        replays = [replay_node(trace, role, config, (), plan.files.begin_task) for role in roles]
-    return _ordered(change for one in replays for change in changes_of(one.records))
 
 
 def _print(

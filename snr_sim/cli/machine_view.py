@@ -49,13 +49,10 @@ def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
 
 def _bridge_of(robot: str) -> Bridge | None:
     """Return the parts of a robot that is installed here; None if it is not, or if it has none."""
-    from snr_sim.scenario.library import ROBOT_MODULE, find, name_robot
-    from snr_sim.scenario.machine_controller import bridge_of
+    from snr_sim.scenario.library import bridge_of_robot
 
     if not robot or Path(robot).name != robot:  # a trace may be of another user: it names a robot, and no file
         return None
     with suppress(SnrError):
-        found = find("robots", robot)
-        name_robot(found.name, found.path)
-        return bridge_of(ROBOT_MODULE + found.name)
+        return bridge_of_robot(robot)
     return None

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,6 +26,7 @@ from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import run_recorded
 
 TABLE = "edits.toml"
+EDITS = (".edit", ".edit_file")  # ends of the names of events that replace a program
 _EDIT, _TRANSITION = ".edit", ".transition"
 _SAME = ("t_ns", "machine", "kind", "source", "target")  # of a change; its line and name are of the text
 # What changes a machine from outside and is not written.
@@ -98,6 +99,12 @@ def changes_of(records: list[Record]) -> Iterator[dict[str, Any]]:
             (change,) = decode_value(bytes(record.values))
             if isinstance(change, dict) and "kind" in change:
                 yield change
+
+
+def without_edits(trace: Trace) -> tuple[Trace, int]:
+    """Return a trace without the inputs that edit a machine, and how many there are."""
+    kept = [one for one in trace.records if not (isinstance(one, InputRecord) and one.name.endswith(EDITS))]
+    return replace(trace, records=kept), len(trace.records) - len(kept)
 
 
 def write(edits: Edits, folder: Path) -> None:
