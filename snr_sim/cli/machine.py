@@ -28,8 +28,8 @@ def machine(
     file: Annotated[
         str,
         typer.Argument(
-            help="An LRP program, or a Python file in which machine(...) is called. Of edits, lag, record, view and "
-            "why a run, of coverage a scenario."
+            help="An LRP program, or a Python file in which machine(...) is called. Of edits, lag, record, view, "
+            "why and diff --with a run, of coverage a scenario."
         ),
     ],
     name: Annotated[str, typer.Option(help="Which machine, if a Python file or a run has several.")] = "",
@@ -42,7 +42,7 @@ def machine(
     until_s: Annotated[
         float, typer.Option("--until", help="Of record and why: its end [s]; of why that of the run if not given.")
     ] = math.inf,
-    with_file: Annotated[str, typer.Option("--with", help="Of record: the program, if not that of the run.")] = "",
+    with_file: Annotated[str, typer.Option("--with", help="Of diff and record: a program, for a run.")] = "",
     seeds: Annotated[str, typer.Option(help="Of coverage: seeds of the scenario, as 0..19.")] = "0..9",
     controller: Annotated[str, typer.Option(help="Of coverage: as of snr run.")] = "",
     min_percent: Annotated[float, typer.Option("--min", help="Of coverage: exit status 1 below it.")] = 0.0,
@@ -59,18 +59,19 @@ def machine(
     or doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or
     that cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints
     which states and transitions were not reached. edits writes the programs of a run that was edited as files, and
-    runs it again with them. diff prints which states, transitions and variables differ between two programs. try
-    runs a changed program on the inputs of a recorded run: where its changes of state begin to differ, and which
-    states it visits. It is a rehearsal: the recorded readings do not answer it. lag prints how old readings were
-    when machines decided, and how long commands took. record prints a piece of a run as a Python test, which runs
-    the program on the readings of that piece and expects the recorded changes of state. why executes the run again
-    and prints each transition that was looked at, with the values of its condition: at one moment step by step,
-    over an interval as a summary. view serves a page that shows the machine at any moment of the run, as `snr run
-    --live` does while it runs.
+    runs it again with them. diff prints which states, transitions and variables differ between two programs; with
+    --with, between the program of a run and another one, when the first of them is evaluated in that run, and where
+    the replay with the other program first differs. try runs a changed program on the inputs of a recorded run:
+    where its changes of state begin to differ, and which states it visits. It is a rehearsal: the recorded readings
+    do not answer it. lag prints how old readings were when machines decided, and how long commands took. record
+    prints a piece of a run as a Python test, which runs the program on the readings of that piece and expects the
+    recorded changes of state. why executes the run again and prints each transition that was looked at, with the
+    values of its condition: at one moment step by step, over an interval as a summary. view serves a page that
+    shows the machine at any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
-    --min, of diff 1 if there are differences, of edits and try 1 if the second run differs, of record 1
-    if the test would fail.
+    --min, of diff 1 if there are differences, and 3 if the replay differs before any changed element is evaluated,
+    of edits and try 1 if the second run differs, of record 1 if the test would fail.
     """
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
@@ -84,8 +85,11 @@ def machine(
 
         coverage(file, seeds, controller, min_percent, as_json=as_json)
     elif what == "diff":
-        from snr_sim.cli.machine_diff import diff
+        from snr_sim.cli.machine_diff import diff, diff_in_run
 
+        if with_file:
+            diff_in_run(run, with_file, trust=trust, as_json=as_json)
+            return
         diff(_program_in(file, name, robot), _program_in(other, name, robot), other, as_json=as_json)
     elif what == "edits":
         from snr_sim.cli.machine_edits import edits

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
@@ -15,18 +15,24 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.program import Program
     from snr_sim.core.config import Config
     from snr_sim.recording.checker import NodeReplay
+    from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.reader import Trace
 
 
 def replay_machines(
-    trace: Trace, with_file: str = "", *, trust: bool, evaluations: Callable[[Program], Evaluations] | None = None
+    trace: Trace,
+    with_file: str = "",
+    *,
+    trust: bool,
+    evaluations: Callable[[Program], Evaluations] | None = None,
+    tolerances: Sequence[Tolerance] = (),
 ) -> list[NodeReplay]:
-    """Execute a run again; return the replay of each node. Args as of `replaying`."""
+    """Execute a run again; return the replay of each node. Args as of `replaying` and `replay_node`."""
     from snr_sim.recording.replay import replay_node
 
     with replaying(trace, with_file, trust=trust, evaluations=evaluations) as (config, before_task):
         roles = [node.removesuffix("_node") for node in trace.header.nodes]
-        return [replay_node(trace, role, config, (), before_task) for role in roles]
+        return [replay_node(trace, role, config, tolerances, before_task) for role in roles]
 
 
 @contextmanager

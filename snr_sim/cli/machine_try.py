@@ -46,7 +46,7 @@ def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> N
         for machine, state in visits[0] | visits[1]
     ]
     if as_json:
-        print_json({"first": first, "states": states, "edits_left_out": left_out})
+        print_json({"first": first, "states": states, "edits_left_out": len(trace.records) - len(without.records)})
     else:
         _print(first, states, left_out, trace)
     if first is not None:
@@ -63,10 +63,10 @@ def _ordered(changes: Iterable[Change]) -> list[Change]:
 
 
 def _print(
-    first: tuple[Change | None, Change | None] | None, states: list[dict[str, Any]], edits: int, trace: Trace
+    first: tuple[Change | None, Change | None] | None, states: list[dict[str, Any]], left_out: str, trace: Trace
 ) -> None:
-    if edits:
-        print_text(f"{edits} edits of the run are left out")
+    if left_out:
+        print_text(left_out)
     if first is None:
         print_text("identical: every change of state as recorded")
     else:
