@@ -185,7 +185,8 @@ def bodies(draw: Any, depth: int) -> list[str]:
 
 
 def text_of(lines: list[str], limit: int, initial: str) -> str:
-    return "\n".join([f"(var count := [{limit}])", "(machine m", *lines, ")", f"(spawn m {initial})", ""])
+    first = ["(state start)", f"(on go start -> {initial})"]  # so that most elements are not evaluated at once
+    return "\n".join([f"(var count := [{limit}])", "(machine m", *lines, *first, ")", "(spawn m start)", ""])
 
 
 @st.composite
