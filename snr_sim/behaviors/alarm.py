@@ -54,6 +54,33 @@ class AlarmLoop(Loop):
         self.next_tick_at_s = NEVER_S if next_s in (None, self._answered_s) else next_s
 
 
+class AlarmTime:
+    """The time in the page of a machine's alarm. `is_stale`: something other than a page may have moved it."""
+
+    def __init__(self) -> None:
+        self._set_ns: int | None = -1  # no page has been stored
+        self.is_stale: bool = True
+
+    def must_move(self, next_ns: int | None, now_ns: int, *, is_new: bool) -> bool:
+        """Return whether a page with the time of the next step has to be stored; it then counts as stored.
+
+        A time that a reading has moved to a later one stays: it then causes a step in which nothing happens. Otherwise
+        each reading would set the time at which it becomes too old.
+
+        Args:
+            next_ns: time of the next step; None if there is none.
+            now_ns: the present.
+            is_new: whether a state was entered.
+        """
+        before_ns, must_move = self._set_ns, self.is_stale or is_new
+        self.is_stale = False
+        is_ahead = before_ns is not None and now_ns < before_ns and (next_ns is None or before_ns < next_ns)
+        if next_ns == before_ns or (is_ahead and not must_move):
+            return False
+        self._set_ns = next_ns
+        return True
+
+
 def alarm_key(name: str) -> DataKey:
     """Return the key of the page of a machine's alarm, which is also the name of the loop."""
     return f"{name}.alarm"

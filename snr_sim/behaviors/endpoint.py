@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from snr_sim.behaviors.alarm import NEXT_S, AlarmLoopFactory, alarm_key, check_needs_no_clock, pages_read
+from snr_sim.behaviors.alarm import NEXT_S, AlarmLoopFactory, AlarmTime, alarm_key, check_needs_no_clock, pages_read
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
@@ -191,8 +191,7 @@ class MachineEndpoint(Endpoint):
         # Changes and answered edits, each with the number of the program then, for a reader on another thread.
         self.recent: deque[tuple[int, Change | EditAnswer]] | None = None
         self._paused_ns = 0
-        self._alarm_ns: int | None = -1  # in the page of the alarm; it has not been stored yet
-        self._must_plan = True  # something other than a page may have moved the next time-out
+        self._alarm = AlarmTime() if factory.has_alarm else None
         self._transition = f"{name}.transition"
         # That no other component needs.
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in ("transition", "log", *HANDLED)]
@@ -216,7 +215,7 @@ class MachineEndpoint(Endpoint):
         """Handle the signals of the present program, and what is always handled."""
         name = self.name
         program, pages = self.interpreter.program, self.factory.reacts_to
-        if self.factory.has_alarm:
+        if self._alarm is not None:
             pages = (*pages, *pages_read(program, self.factory.bridge))
         handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in pages}
         handlers |= {(TaskType.event, signal): self.on_signal for signal in program.signals()}
@@ -229,13 +228,13 @@ class MachineEndpoint(Endpoint):
         The text is not a task: a replay with another program differs where the machine does, not where its text does.
         """
         program = self.factory.program
+        if self._guard is not None:
+            self.parent.add_store_listener(FAILSAFE, self._on_failsafe)
         for one in program.warnings:
             self.parent.add_note(f"Machine '{self.name}': {one.message}")
         self.parent.record_text(self.name, "PROGRAM", program.text)
         for file, text in program.files.items():
             self.parent.record_text(f"{self.name} {file}", "PROGRAM", text)
-        if self._guard is not None:
-            self.parent.add_store_listener(FAILSAFE, self._on_failsafe)
         self.schedule(self._results(self.interpreter.spawn(self._now_ns())))
 
     def halt(self) -> None:
@@ -311,13 +310,13 @@ class MachineEndpoint(Endpoint):
         return self._continue_with(task, self._edits.program_with_file, self.interpreter.program.text)
 
     def _continue_with(self, task: Task, read: Callable[[Task, Program], Program], text: str) -> list[Task]:
-        """Return what an edit causes; its last task stores the answer. Problems are in `text`."""
+        """Return what an edit causes, with the answer to it. Problems are in `text`."""
         now, cause = self.interpreter.program, (*task.val_list, "", "", "", "")[3]
         if self._guard is not None and cause:
             self._guard.is_waiting = False
         try:
             program = read(task, now)
-            if self.factory.has_alarm:
+            if self._alarm is not None:
                 check_needs_no_clock(program)
             problems = list(self.interpreter.problems.values())
             edited, changes = self.interpreter.edit(program, self._now_ns())
@@ -409,28 +408,22 @@ class MachineEndpoint(Endpoint):
             found.append(self.store_data_task(self.name, self._page()))
         if self._guard is not None and (cause := self._guard.failure(interpreter.problems.values(), self._real_ns())):
             self._put_back(cause)
-        return [*found, *self._alarm_set(is_new=bool(changes))] if self.factory.has_alarm else found
+        return [*found, *self._alarm_set(is_new=bool(changes))]
 
     def _step_now(self) -> list[Task]:
         """Return the step that looks at what has changed from outside, if there is no clock."""
-        if not self.factory.has_alarm:
+        if self._alarm is None:
             return []
-        self._must_plan = True
+        self._alarm.is_stale = True
         return self._alarm_set(is_new=False) if self.is_paused else [tasks.event(f"{self.name}.step")]
 
     def _alarm_set(self, *, is_new: bool) -> list[Task]:
-        """Return the task that sets the alarm to the next step, if it has to be set.
-
-        One that a page has moved to a later time stays: it then causes a step in which nothing happens. Otherwise each
-        reading would set the alarm at which it becomes too old.
-        """
-        next_ns = None if self.is_paused else self.interpreter.next_ns(is_new=is_new)
-        before_ns, must_plan = self._alarm_ns, self._must_plan or is_new
-        self._must_plan = False
-        is_ahead = before_ns is not None and self._now_ns() < before_ns and (next_ns is None or before_ns < next_ns)
-        if next_ns == before_ns or (is_ahead and not must_plan):
+        """Return the task that sets the alarm to the next step, if there is one and it has to be set."""
+        if self._alarm is None:
             return []
-        self._alarm_ns = next_ns
+        next_ns = None if self.is_paused else self.interpreter.next_ns(is_new=is_new)
+        if not self._alarm.must_move(next_ns, self._now_ns(), is_new=is_new):
+            return []
         page = {NEXT_S: None if next_ns is None else next_ns / NS_PER_S}
         return [self.store_data_task(alarm_key(self.name), page, process=False)]
 
