@@ -44,7 +44,7 @@ class SimClock:
     with time, such as a plant, registers with `follow` and is advanced to each new instant before any callback runs.
 
     >>> clock = SimClock()
-    >>> clock.call_at(0.5, lambda: print("now it is", clock.now_s()))
+    >>> due = clock.call_at(0.5, lambda: print("now it is", clock.now_s()))
     >>> clock.run_next()
     now it is 0.5
     """
