@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import typer
@@ -51,7 +52,7 @@ def record(run: Path, name: str, file: str, from_s: float, until_s: float, *, tr
         piece, changes = piece_of(trace, config, before_task, name, from_s, until_s)
     rows = "".join(f"\n        {one!r}," for one in changes) + ("\n    " if changes else "")
     title = f"{name} in {trace.path.parent.name}, {from_s:g} s to {until_s:g} s"
-    print_text(_TEST.format(title=title, file=file, name=name.lower(), piece=piece, changes=rows), end="")
+    print_text(_TEST.format(title=title, file=file, name=_python_name(name), piece=piece, changes=rows), end="")
     try:
         found = replay_piece(piece, file)
     except SnrError as error:
@@ -61,6 +62,10 @@ def record(run: Path, name: str, file: str, from_s: float, until_s: float, *, tr
     if problem:
         print_note(f"This test fails: {problem}.")
         raise typer.Exit(1)
+
+
+def _python_name(name: str) -> str:
+    return re.sub(r"\W", "_", name.lower())
 
 
 def _shown(path: Path) -> str:

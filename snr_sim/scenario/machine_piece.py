@@ -52,7 +52,10 @@ def piece_of(
     node = next((one.node for one in trace.records if isinstance(one, BeginRecord) and one.component == name), None)
     executed = [one for one in trace.records if isinstance(one, Executed) and one.node == node and one.t <= until_s]
     first = next((one.seq for one in executed if one.t >= from_s), None)
-    if node is None or first is None:
+    if node is None:
+        known = dict.fromkeys(one.component for one in trace.records if isinstance(one, BeginRecord))
+        raise UnknownNameError(f"This run has no machine '{name}'.", fix=suggest(name, known))
+    if first is None:
         raise ParameterError(f"Nothing happens from {from_s:g} s on.", fix="choose an interval within the run.")
     made: list[Node] = []
     snapshots: list[dict[str, Any]] = []

@@ -123,7 +123,7 @@ def test_program_without_the_state_of_the_beginning_is_named(printed: Any, folde
         ({"from_s": 2.0}, "The piece is from 2 s to inf s"),
         ({"from_s": 1e4, "until_s": 1e5}, "Nothing happens from 10000 s on"),
         ({"from_s": 1.0, "until_s": 2.0, "with_file": "mine.py"}, "'mine.py' is not a file with a program in LRP"),
-        ({"from_s": 1.0, "until_s": 2.0, "name": "dara"}, "Nothing happens"),
+        ({"from_s": 1.0, "until_s": 2.0, "name": "dara"}, "no machine 'dara'.*\\n.*did you mean 'dora'"),
     ],
 )
 def test_request_that_cannot_be_met_is_refused(folder: Path, options: dict[str, Any], message: str) -> None:
