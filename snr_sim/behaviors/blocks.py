@@ -26,6 +26,7 @@ from snr_sim.behaviors.block_checks import (
     part_of,
     stored_names,
 )
+from snr_sim.behaviors.bridge import READ_FUNCTIONS
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
 Actions: TypeAlias = tuple[tuple[str, Callable[..., Any]], ...]
@@ -117,6 +118,8 @@ class _Make:
     make: Callable[..., Callable[[Any], Any]] = field(compare=False)
     keys: tuple[str, ...]
     code: str = field(compare=False)  # with that of the helpers that it calls
+    reads: frozenset[str] = field(compare=False)
+    polls: str = field(compare=False)
 
     def __call__(self, bindings: Bindings) -> Callable[[Any], Any]:
         """Return the function of the context."""
@@ -151,7 +154,8 @@ def _compile(
     writes = frozenset(keys[name] for name in stored_names(tree) if name in keys)
     make = _make(tree, variables, definitions, actions)
     drives = frozenset(part for part, _ in commands if part)
-    return Block(written, Place(), make, drives, writes, make.keys, bool(commands)), tuple(checker.problems)
+    block = Block(written, Place(), make, drives, writes, make.keys, bool(commands), make.reads, make.polls)
+    return block, tuple(checker.problems)
 
 
 _HELPER_OF: dict[type[ast.operator], str] = {
@@ -173,6 +177,7 @@ class _Rewriter(ast.NodeTransformer):
         self.known: dict[str, Any] = {**FUNCTIONS, **HELPERS, "__builtins__": {}}
         self.is_counting = False
         self.is_random = False
+        self.polls = ""  # what changes without a page
 
     def enter(
         self, variables: Mapping[str, str], definitions: tuple[tuple[str, Definition], ...], actions: Actions
@@ -185,6 +190,8 @@ class _Rewriter(ast.NodeTransformer):
         if node.id in self.variables:
             index = self.places.setdefault(self.variables[node.id], f"_at_{len(self.places)}")
             return ast.Subscript(ast.Name("_v", ast.Load()), ast.Name(index, ast.Load()), node.ctx)
+        if node.id in ("now_ms", "in_state_ms"):
+            self.polls = node.id
         if node.id == "now_ms":
             return ast.BinOp(_attribute("now_ns"), ast.Div(), ast.Constant(1e6))
         if node.id in ("in_state_ms", "signal"):
@@ -289,6 +296,8 @@ class _Rewriter(ast.NodeTransformer):
             part = part_of(function)
             if part is not None:
                 self.calls.add(part)
+                if part[1] == "age_ms":
+                    self.polls = f"robot.{part[0]}.age_ms()"
                 return ast.Call(ast.Name(f"_{part[0]}_{part[1]}", ast.Load()), arguments, [])
             if is_name(function.value, "robot"):
                 return ast.Call(ast.Attribute(ast.Name("_robot", ast.Load()), "stop", ast.Load()), arguments, [])
@@ -297,7 +306,7 @@ class _Rewriter(ast.NodeTransformer):
             return ast.Call(function, arguments, [])
         assert isinstance(function, ast.Name)
         if function.id == "random":
-            self.is_random = True
+            self.is_random, self.polls = True, "random()"
             return ast.Call(_attribute(function.id), arguments, [])
         if function.id == "log":
             return ast.Call(_attribute(function.id), [self._counting("_looked_at", one) for one in arguments], [])
@@ -373,7 +382,8 @@ def _make(
     exec(code, rewriter.known)
     meaning = object() if rewriter.is_random else (text, variables, definitions, actions)
     whole = "; ".join([text, *(one.text for one in rewriter.helpers)])
-    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places), whole)
+    reads = frozenset(part for part, verb in rewriter.calls if verb in READ_FUNCTIONS)
+    return _Make(meaning, rewriter.known["make"], tuple(rewriter.places), whole, reads, rewriter.polls)
 
 
 def _expression(text: str) -> ast.expr:

@@ -88,10 +88,12 @@ class BoundState:
 class BoundTransition:
     """A transition as it runs; of an exit the target is the name of a state of the machine around."""
 
-    __slots__ = ("cause", "definition", "effect", "is_exit", "kind", "line", "name", "target")
+    __slots__ = ("after_ns", "cause", "definition", "effect", "is_exit", "kind", "line", "name", "target")
 
     def __init__(self, definition: Transition, bindings: Bindings) -> None:
         self.definition: Transition = definition
+        after = definition.after_ns
+        self.after_ns: int | Callable[[Any], Any] | None = after.bind(bindings) if isinstance(after, Block) else after
         self.cause: Any = definition.condition or definition.after_ns  # the block that may raise, if there is one
         self.kind: Kind = definition.kind
         self.name: str = definition.name
@@ -206,11 +208,9 @@ class BoundProgram:
 
 
 def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations | None) -> Row:
-    after, condition = transition.after_ns, transition.condition
-    bindings = machine.bindings
+    condition, bindings = transition.condition, machine.bindings
     arrow = BoundTransition(transition, bindings)
-    holds = None if condition is None else condition.bind(bindings)
-    due = after.bind(bindings) if isinstance(after, Block) else after
+    holds, due = None if condition is None else condition.bind(bindings), arrow.after_ns
     if evaluations is not None:
         return None, watched(machine, transition, due, holds, bindings, evaluations), arrow
     return (due, holds, arrow) if not callable(due) else (None, _with_time(due, holds), arrow)

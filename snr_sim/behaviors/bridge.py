@@ -10,7 +10,7 @@ behaviors" (Information and Software Technology 108, 2019).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from keyword import iskeyword
 from typing import Any
@@ -118,7 +118,7 @@ class Robot:
 
     def __init__(self, bridge: Bridge, owner: Owner, in_state_s: Callable[[], float]) -> None:
         self._owner = owner
-        self._drives = dict(bridge.drives)
+        self._reads, self._drives = bridge.reads, dict(bridge.drives)
         self._pages = bridge.pages
         self._stored: dict[DataKey, int] = {}
         self._commands = {name: drive.neutral for name, drive in self._drives.items()}
@@ -191,6 +191,18 @@ class Robot:
                 pages[drive.page] = None
         self._changed = {}
         return [self._owner.store_data_task(page, self._data(page)) for page in pages]
+
+    def next_s(self, parts: Iterable[str]) -> float:
+        """Return in what time one of the parts has no fresh reading, or a command is due again; infinite if never."""
+        reads = [self._reads[part] for part in parts if self._reads[part].fresh_s < math.inf]
+        delays = [one.fresh_s - self._owner.get_age_s(one.page) for one in reads]
+        for name, drive in self._drives.items():
+            if drive.repeat_s is None or self._is_held or self._commands[name] == drive.neutral:
+                continue
+            # One that was due has just been stored: see `take_tasks`.
+            age_s = self._owner.get_age_s(drive.page)
+            delays.append(drive.repeat_s - (age_s if age_s < drive.repeat_s else 0.0))
+        return min((one + SAME_MOMENT_S for one in delays if one >= 0.0), default=math.inf)
 
     def _data(self, page: DataKey) -> Any:
         data = {}

@@ -19,6 +19,7 @@ class Difference(NamedTuple):
         name: of what differs.
         how: 'added', 'removed', 'renamed to b', 'onentry changed', ...
         line: in the new program; of what was removed, in the old one.
+        old_line: in the old program, of a transition that is in both.
     """
 
     what: str
@@ -26,6 +27,7 @@ class Difference(NamedTuple):
     name: str
     how: str
     line: int
+    old_line: int = 0
 
 
 def differences(old: Program, new: Program) -> list[Difference]:
@@ -91,7 +93,7 @@ def _of_rows(
         elif name not in old:
             yield Difference(what, path, name, "added", line)
         elif old[name][0] != content:
-            yield Difference(what, path, name, "changed", line)
+            yield Difference(what, path, name, "changed", line, old[name][1])
 
 
 def _arrows(machine: MachineDef, renamed: Mapping[str, str]) -> dict[str, tuple[Any, int]]:

@@ -1,6 +1,6 @@
 """The interpreter as a component of a node: its steps are tasks, so a run with machines is recorded and replayed.
 
-StepLoop --> event "<name>.step" --.
+StepLoop, or AlarmLoop (see alarm.py) --> event "<name>.step" --.
 sensors --> pages in `reacts_to` --+--> MachineEndpoint --> tasks of the blocks
 others --> events that are signals'                   `--> event "<name>.transition", page "<name>"
 """
@@ -16,9 +16,11 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from snr_sim.behaviors.alarm import NEXT_S, AlarmLoopFactory, AlarmTime, alarm_key, check_needs_no_clock, pages_read
 from snr_sim.behaviors.bridge import Bridge
 from snr_sim.behaviors.context import NS_PER_S, Owner
 from snr_sim.behaviors.editing import Edited
+from snr_sim.behaviors.guard import EditGuard
 from snr_sim.behaviors.interpreter import Change, Interpreter
 from snr_sim.behaviors.live_edit import LiveEdits, StaleEditError
 from snr_sim.behaviors.program import Place, Problem, Program, ProgramError, show_problem
@@ -29,7 +31,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskHandlerMap, TaskId, TaskType
 
 
 def machine_parts(
@@ -45,10 +47,14 @@ def machine_parts(
 
     Args:
         program, name, reacts_to, bridge, path: of the machine.
-        step_hz: how often it takes a step.
+        step_hz: how often it takes a step. 0: only at signals, at pages that its conditions read or `reacts_to`, and
+            exactly at its time-outs; see `alarm.py`.
+
+    Raises:
+        ProgramError: without a clock, the program does something in each step.
     """
-    made = MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge, path=path)
-    return [StepLoopFactory(name, step_hz), made]
+    made = MachineFactory(program, name, reacts_to=reacts_to, bridge=bridge, path=path, has_alarm=step_hz == 0)
+    return [StepLoopFactory(name, step_hz) if step_hz else AlarmLoopFactory(name), made]
 
 
 class StepLoopFactory(LoopFactory):
@@ -92,9 +98,11 @@ class MachineFactory(EndpointFactory):
         reacts_to: pages that cause a step as soon as they are stored.
         bridge: the parts of the robot that a program in LRP names.
         path: its file, which `--watch` reads again when it is saved.
+        has_alarm: whether an `AlarmLoop` is its clock.
 
     Raises:
         ConfigError: the program is something else, or the name is that of a page of the bridge.
+        ProgramError: with an alarm, the program does something in each step.
     """
 
     def __init__(
@@ -105,12 +113,17 @@ class MachineFactory(EndpointFactory):
         reacts_to: Sequence[DataKey] = (),
         bridge: Bridge | None = None,
         path: Path | None = None,
+        has_alarm: bool = False,
     ) -> None:
         super().__init__()
         if not isinstance(program, Program):
             raise ConfigError(f"MachineFactory is given {program!r}.", fix="what machine(...) returns.")
         if bridge is not None and name in bridge.keys:
             raise ConfigError(f"A machine is named '{name}', and so is a page of the robot.", fix="rename the machine.")
+        if has_alarm:
+            check_needs_no_clock(program)
+        self.has_alarm: bool = has_alarm
+        self.guard_s: float | None = None  # see `guard_edits`
         self.program: Program = program
         self.bridge: Bridge | None = bridge
         self.path: Path | None = path
@@ -122,6 +135,7 @@ class MachineFactory(EndpointFactory):
         return MachineEndpoint(self, parent, self.name)
 
 
+FAILSAFE = "failsafe"  # key of the page by which a robot reports that it has stopped
 HANDLED = ("step", "set", "pause", "step_once", "go", "edit", "edit_file")  # events, besides its signals
 STEP_ONCE_NS = 10_000_000  # by which the time of a machine that is paused advances in a single step
 
@@ -153,11 +167,12 @@ class MachineEndpoint(Endpoint):
         <name>.pause, <name>.go     between them it takes no step, and its time stands still; signals are ignored
         <name>.step_once            while it is paused: takes one step, 10 ms later for it; the robot stays in neutral,
                                     and what the step commanded is given by <name>.go
-        <name>.edit [text, sha256, files]
+        <name>.edit [text, sha256, files, cause]
                                     continues with another program in LRP; the digest, if given, is that of the program
                                     which was edited, and the edit is refused if it is another one by now; `files` are
-                                    the texts of the programs that it imports, if they are not those of before. The
-                                    sender should parse it before: then `parse` answers from its memory here
+                                    the texts of the programs that it imports, if they are not those of before;
+                                    `cause`: why the program before an edit is put back. The sender should parse it
+                                    before: then `parse` answers from its memory here
         <name>.edit_file [text, file]
                                     continues with another text of a file that is imported
 
@@ -176,10 +191,12 @@ class MachineEndpoint(Endpoint):
         # Changes and answered edits, each with the number of the program then, for a reader on another thread.
         self.recent: deque[tuple[int, Change | EditAnswer]] | None = None
         self._paused_ns = 0
+        self._alarm = AlarmTime() if factory.has_alarm else None
         self._transition = f"{name}.transition"
         # That no other component needs.
         self.optional_events: Collection[str] = [f"{name}.{what}" for what in ("transition", "log", *HANDLED)]
         self._last: Change | None = None
+        self._guard = None if factory.guard_s is None else EditGuard(factory.guard_s)
         self._edits = LiveEdits(name, factory.program, factory.bridge, factory.path)
         self._set_handlers()
 
@@ -197,8 +214,11 @@ class MachineEndpoint(Endpoint):
     def _set_handlers(self) -> None:
         """Handle the signals of the present program, and what is always handled."""
         name = self.name
-        handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in self.factory.reacts_to}
-        handlers |= {(TaskType.event, signal): self.on_signal for signal in self.interpreter.program.signals()}
+        program, pages = self.interpreter.program, self.factory.reacts_to
+        if self._alarm is not None:
+            pages = (*pages, *pages_read(program, self.factory.bridge))
+        handlers: TaskHandlerMap = {(TaskType.process_data, key): self.on_step for key in pages}
+        handlers |= {(TaskType.event, signal): self.on_signal for signal in program.signals()}
         handlers |= {(TaskType.event, f"{name}.{what}"): getattr(self, f"on_{what}") for what in HANDLED}
         self.task_handlers = handlers
 
@@ -208,6 +228,8 @@ class MachineEndpoint(Endpoint):
         The text is not a task: a replay with another program differs where the machine does, not where its text does.
         """
         program = self.factory.program
+        if self._guard is not None:
+            self.parent.add_store_listener(FAILSAFE, self._on_failsafe)
         for one in program.warnings:
             self.parent.add_note(f"Machine '{self.name}': {one.message}")
         self.parent.record_text(self.name, "PROGRAM", program.text)
@@ -226,6 +248,8 @@ class MachineEndpoint(Endpoint):
             self.parent.add_note(
                 f"Machine '{self.name}' was in no state that waits for '{signal}' when it came, {count} times."
             )
+        if self._guard is not None:
+            self.parent.remove_store_listener(FAILSAFE, self._on_failsafe)
 
     def on_step(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take a step."""
@@ -248,7 +272,7 @@ class MachineEndpoint(Endpoint):
         except (ValueError, TypeError, ParameterError, UnknownNameError) as error:
             self.parent.add_note(f"'{task.name}' {task.val_list!r:.200} was rejected: {error}")
             return None
-        return self.store_data_task(self.name, self._page())
+        return [self.store_data_task(self.name, self._page()), *self._step_now()]
 
     def on_pause(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take no more steps; the robot is at neutral, whatever an edit commands."""
@@ -275,7 +299,7 @@ class MachineEndpoint(Endpoint):
             self.interpreter.delay(self._now_ns() - self._paused_ns)
         robot = self.interpreter.robot
         commands = [] if robot is None else robot.hold(is_held=is_held)
-        return [*commands, self.store_data_task(self.name, self._page())]
+        return [*commands, self.store_data_task(self.name, self._page()), *self._step_now()]
 
     def on_edit(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Continue with another text, if it is a program."""
@@ -286,10 +310,15 @@ class MachineEndpoint(Endpoint):
         return self._continue_with(task, self._edits.program_with_file, self.interpreter.program.text)
 
     def _continue_with(self, task: Task, read: Callable[[Task, Program], Program], text: str) -> list[Task]:
-        """Return what an edit causes; its last task stores the answer. Problems are in `text`."""
-        now = self.interpreter.program
+        """Return what an edit causes, with the answer to it. Problems are in `text`."""
+        now, cause = self.interpreter.program, (*task.val_list, "", "", "", "")[3]
+        if self._guard is not None and cause:
+            self._guard.is_waiting = False
         try:
             program = read(task, now)
+            if self._alarm is not None:
+                check_needs_no_clock(program)
+            problems = list(self.interpreter.problems.values())
             edited, changes = self.interpreter.edit(program, self._now_ns())
         except ProgramError as error:
             present = {"text": now.text} if isinstance(error, StaleEditError) else {}
@@ -297,12 +326,19 @@ class MachineEndpoint(Endpoint):
         else:
             self.program_number += 1
             self._set_handlers()
+            if cause:
+                edited.notes.append(f"The program before an edit is back: {cause}")
+                self.parent.add_note(f"Machine '{self.name}' has the program before an edit again: {cause}")
+            if self._guard is not None and cause:
+                self._guard.remove()
+            elif self._guard is not None:
+                self._guard.add(now, problems, self._real_ns())
             done = [*self._results(changes, has_changed=True), self._answer(program.warnings, edited, text)]
         if self.recent is not None:
             given, answer = (*task.val_list, None)[0], done[-1].val_list[0].data
             row = EditAnswer(given, answer, self.interpreter.program, self.get_time_s())
             self.recent.append((self.program_number, row))
-        return done
+        return [*done, *self._step_now()]
 
     def _answer(self, problems: Sequence[Problem], edited: Edited | None, source: str, **more: str) -> Task:
         """Return the task that stores the answer to an edit; log it.
@@ -334,7 +370,24 @@ class MachineEndpoint(Endpoint):
 
     def _now_ns(self) -> int:
         """Return the time of the machines, which stands still while they are paused."""
-        return self._paused_ns if self.is_paused else round(self.get_time_s() * NS_PER_S)
+        return self._paused_ns if self.is_paused else self._real_ns()
+
+    def _real_ns(self) -> int:
+        return round(self.get_time_s() * NS_PER_S)
+
+    def _on_failsafe(self, page: Page) -> None:
+        if page.data:
+            self._put_back(f"page '{FAILSAFE}' came")
+
+    def _put_back(self, cause: str) -> None:
+        """Send the program before the newest guarded edit as an edit; an input, since a replay has no guard."""
+        edit = None if self._guard is None else self._guard.newest(self._real_ns())
+        if self._guard is None or edit is None:
+            return
+        self._guard.is_waiting = True
+        self.log.warning("%s: %s. The program before the edit is put back.", self.name, cause)
+        values = [edit.before.text, self.interpreter.program.sha256, dict(edit.before.files), cause]
+        self.parent.enqueue_input(tasks.event(f"{self.name}.edit", values), f"{self.name}.guard")
 
     def _results(self, changes: list[Change], *, has_changed: bool = False) -> list[Task]:
         """Return the tasks of what the interpreter has done; `has_changed`: something else on the page has."""
@@ -353,7 +406,26 @@ class MachineEndpoint(Endpoint):
                 self.recent.extend((self.program_number, one) for one in changes)
         if changes or has_changed:
             found.append(self.store_data_task(self.name, self._page()))
-        return found
+        if self._guard is not None and (cause := self._guard.failure(interpreter.problems.values(), self._real_ns())):
+            self._put_back(cause)
+        return [*found, *self._alarm_set(is_new=bool(changes))]
+
+    def _step_now(self) -> list[Task]:
+        """Return the step that looks at what has changed from outside, if there is no clock."""
+        if self._alarm is None:
+            return []
+        self._alarm.is_stale = True
+        return self._alarm_set(is_new=False) if self.is_paused else [tasks.event(f"{self.name}.step")]
+
+    def _alarm_set(self, *, is_new: bool) -> list[Task]:
+        """Return the task that sets the alarm to the next step, if there is one and it has to be set."""
+        if self._alarm is None:
+            return []
+        next_ns = None if self.is_paused else self.interpreter.next_ns(is_new=is_new)
+        if not self._alarm.must_move(next_ns, self._now_ns(), is_new=is_new):
+            return []
+        page = {NEXT_S: None if next_ns is None else next_ns / NS_PER_S}
+        return [self.store_data_task(alarm_key(self.name), page, process=False)]
 
     def _page(self) -> dict[str, Any]:
         interpreter, last = self.interpreter, self._last

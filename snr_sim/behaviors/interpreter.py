@@ -18,6 +18,7 @@ Time is whole nanoseconds: a time-out of 0.1 s is exact.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 MAX_CHAIN = 16  # transitions of one machine in one step
+# Without a clock, a condition that holds already when its state is entered is looked at so long after that, as with a
+# clock of 100 Hz: at once, two states that lead to each other would stop the time.
+SETTLE_NS = 10_000_000
 _CHAIN = range(MAX_CHAIN)
 
 
@@ -178,6 +182,33 @@ class Interpreter:
         if self._bound.rules:
             self._check_rules()
         return self._changes
+
+    def next_ns(self, *, is_new: bool) -> int | None:
+        """Return when the next step is due if there is no clock, and no signal or page before; None if never.
+
+        It is due at the next time-out, when a reading that decides becomes too old, and to repeat a command.
+
+        Args:
+            is_new: whether a state was entered in the last step.
+        """
+        context, found, parts = self.context, list[int](), set[str]()
+        now_ns = context.now_ns
+        for condition in (rule.condition for rule, _ in self._bound.rules if rule.condition is not None):
+            parts |= condition.reads
+        for machine in self._walk():
+            context.machine, rows = machine, () if machine.state is None else machine.state.plain
+            for arrow in (arrow for _, _, arrow in rows):
+                blocks = (arrow.definition.condition, arrow.definition.after_ns)
+                parts.update(*(one.reads for one in blocks if isinstance(one, Block)))
+                try:
+                    after_ns = arrow.after_ns(context) if callable(arrow.after_ns) else arrow.after_ns or 0
+                except Exception:
+                    continue
+                due_ns = machine.since_ns + after_ns
+                if due_ns > now_ns or is_new:
+                    found.append(due_ns if due_ns > now_ns else now_ns + SETTLE_NS)
+        delay_s = math.inf if self.robot is None else self.robot.next_s(parts)
+        return min([*found, now_ns + round(delay_s * NS_PER_S)] if delay_s < math.inf else found, default=None)
 
     def _begin(self, now_ns: int, values: Sequence[Any]) -> None:
         context = self.context

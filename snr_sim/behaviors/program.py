@@ -101,6 +101,8 @@ class Block:
         writes: keys of the variables that it assigns; of a function in Python None: it may assign all.
         keys: of the variables that it names; of a function in Python none are known.
         is_commanding: whether it commands the robot.
+        reads: parts of the robot that it reads; of a block of text.
+        polls: what in it changes without a page, such as "now_ms"; of a block of text.
         parts: returns the parts of a condition in text, for an explanation: readings, variables, what is compared.
     """
 
@@ -111,6 +113,8 @@ class Block:
     writes: frozenset[str] | None = None
     keys: tuple[str, ...] = ()
     is_commanding: bool = True
+    reads: frozenset[str] = frozenset()
+    polls: str = ""
     parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)
 
     @property

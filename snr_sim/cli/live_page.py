@@ -53,14 +53,12 @@ def add_live_page(config: Config, roles: Sequence[str], page: LivePage, title: s
     """
     from snr_sim.behaviors.endpoint import MachineFactory  # here: runs without a page do not need them
     from snr_sim.links.security import secret_from_file
+    from snr_sim.scenario.machine_controller import FIX_WITHOUT_MACHINE
     from snr_sim.web.live import LiveLoopFactory
 
     found = [role for role in roles if any(isinstance(one, MachineFactory) for one in config.get(role))]
     if not found:
-        raise ParameterError(
-            "--live shows state machines, and this run has none.",
-            fix="--controller FILE.lrp, or a controller with a MachineFactory: docs/machines.md.",
-        )
+        raise ParameterError("--live shows state machines, and this run has none.", fix=FIX_WITHOUT_MACHINE)
     token = None if page.token_file is None else secret_from_file(page.token_file)
     live = LiveLoopFactory(page.port, page.host, token, title)
     if found[1:]:

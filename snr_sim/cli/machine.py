@@ -14,21 +14,22 @@ from snr_sim.cli.trust import Trust
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
-    from snr_sim.behaviors.bridge import Bridge
     from snr_sim.behaviors.program import Problem, Program
 
-_WHAT = ("draw", "check", "coverage", "diff", "edits", "explore", "lag", "try", "view", "why")
+_WHAT = ("draw", "check", "coverage", "diff", "edits", "explore", "lag", "record", "try", "view", "why")
 SAME_MOMENT_S = 0.02  # of --at: two steps at 100 Hz
 _FORMATS = ("mermaid", "dot", "scxml", "text")
 
 
 def machine(
-    what: Annotated[str, typer.Argument(help="draw, check, coverage, diff, edits, explore, lag, try, view or why.")],
+    what: Annotated[
+        str, typer.Argument(help="draw, check, coverage, diff, edits, explore, lag, record, try, view or why.")
+    ],
     file: Annotated[
         str,
         typer.Argument(
-            help="An LRP program, or a Python file in which machine(...) is called. Of edits, lag, view and why a run, "
-            "of coverage a scenario."
+            help="An LRP program, or a Python file in which machine(...) is called. Of edits, lag, record, view, "
+            "why and diff --with a run, of coverage a scenario."
         ),
     ],
     name: Annotated[str, typer.Option(help="Which machine, if a Python file or a run has several.")] = "",
@@ -37,8 +38,11 @@ def machine(
     machine_path: Annotated[str, typer.Option("--machine", help="Of why: path of a machine; all if not given.")] = "",
     target: Annotated[str, typer.Option("--to", help="Of why: only transitions to this state.")] = "",
     at: Annotated[float | None, typer.Option(help="Of why: one moment [s].")] = None,
-    from_s: Annotated[float, typer.Option("--from", help="Of why: begin of the interval [s].")] = 0.0,
-    until_s: Annotated[float, typer.Option("--until", help="Of why: its end [s]; of the run if not given.")] = math.inf,
+    from_s: Annotated[float, typer.Option("--from", help="Of record and why: begin of the interval [s].")] = 0.0,
+    until_s: Annotated[
+        float, typer.Option("--until", help="Of record and why: its end [s]; of why that of the run if not given.")
+    ] = math.inf,
+    with_file: Annotated[str, typer.Option("--with", help="Of diff and record: a program, for a run.")] = "",
     seeds: Annotated[str, typer.Option(help="Of coverage: seeds of the scenario, as 0..19.")] = "0..9",
     controller: Annotated[str, typer.Option(help="Of coverage: as of snr run.")] = "",
     min_percent: Annotated[float, typer.Option("--min", help="Of coverage: exit status 1 below it.")] = 0.0,
@@ -51,19 +55,23 @@ def machine(
     """Draw or check the state machines of a file, or explain those of a run.
 
     draw prints a machine in a format that other programs draw: mermaid in an editor or on a web page, dot with
-    Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
-    doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or that
-    cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints which
-    states and transitions were not reached. edits writes the programs of a run that was edited as files, and runs it
-    again with them. diff prints which states, transitions and variables differ between two programs. try runs a changed
-    program on the inputs of a recorded run: where its changes of state begin to differ, and which states it visits. It
-    is a rehearsal: the recorded readings do not answer it. lag prints how old readings were when machines decided, and
-    how long commands took. why executes the run again and prints each transition that was looked at, with the values of
-    its condition: at one moment step by step, over an interval as a summary. view serves a page that shows the machine
-    at any moment of the run, as `snr run --live` does while it runs.
+    Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program
+    or doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or
+    that cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints
+    which states and transitions were not reached. edits writes the programs of a run that was edited as files, and
+    runs it again with them. diff prints which states, transitions and variables differ between two programs; with
+    --with, between the program of a run and another one, when the first of them is evaluated in that run, and where
+    the replay with the other program first differs. try runs a changed program on the inputs of a recorded run:
+    where its changes of state begin to differ, and which states it visits. It is a rehearsal: the recorded readings
+    do not answer it. lag prints how old readings were when machines decided, and how long commands took. record
+    prints a piece of a run as a Python test, which runs the program on the readings of that piece and expects the
+    recorded changes of state. why executes the run again and prints each transition that was looked at, with the
+    values of its condition: at one moment step by step, over an interval as a summary. view serves a page that
+    shows the machine at any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
-    --min, of diff 1 if there are differences, of edits and try 1 if the second run differs.
+    --min, of diff 1 if there are differences, and 3 if the replay differs before any changed element is evaluated,
+    of edits and try 1 if the second run differs, of record 1 if the test would fail.
     """
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
@@ -77,8 +85,11 @@ def machine(
 
         coverage(file, seeds, controller, min_percent, as_json=as_json)
     elif what == "diff":
-        from snr_sim.cli.machine_diff import diff
+        from snr_sim.cli.machine_diff import diff, diff_in_run
 
+        if with_file:
+            diff_in_run(run, with_file, trust=trust, as_json=as_json)
+            return
         diff(_program_in(file, name, robot), _program_in(other, name, robot), other, as_json=as_json)
     elif what == "edits":
         from snr_sim.cli.machine_edits import edits
@@ -88,6 +99,12 @@ def machine(
         _explore(_program_in(file, name, robot), file, as_json)
     elif what == "lag":
         _lag(run, as_json)
+    elif what == "record":
+        if as_json:
+            raise ParameterError("record prints a Python file, no JSON.", fix="leave out --json.")
+        from snr_sim.cli.machine_record import record
+
+        record(run, name, with_file, from_s, until_s, trust=trust)
     elif what == "try":
         from snr_sim.cli.machine_try import try_program
 
@@ -209,7 +226,7 @@ def _row(problem: Problem) -> dict[str, Any]:
 
 def _program_in(file: str, name: str, robot: str) -> Program:
     """Return the program of a file."""
-    from snr_sim.scenario.library import LRP, load_program
+    from snr_sim.scenario.library import LRP, bridge_of_robot, load_program
 
     if Path(file).suffix != LRP:
         return _python_program(file, name)
@@ -217,16 +234,7 @@ def _program_in(file: str, name: str, robot: str) -> Program:
 
     if not Path(file).is_file():
         raise UnknownNameError(f"There is no file '{file}'.", fix="name an LRP program: snr machine draw landing.lrp.")
-    return read_program(Path(file), load_program, _bridge(robot) if robot else None)
-
-
-def _bridge(robot: str) -> Bridge:
-    from snr_sim.scenario.library import ROBOT_MODULE, find, name_robot
-    from snr_sim.scenario.machine_controller import bridge_of
-
-    found = find("robots", robot)
-    name_robot(found.name, found.path)
-    return bridge_of(ROBOT_MODULE + found.name)
+    return read_program(Path(file), load_program, bridge_of_robot(robot) if robot else None)
 
 
 def _python_program(file: str, name: str) -> Program:

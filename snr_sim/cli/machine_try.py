@@ -4,38 +4,40 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
+from snr_sim.cli.machine_replay import replay_machines
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import capture_output, print_json, print_text
-from snr_sim.cli.replay import config_of_replay
-from snr_sim.cli.trust import ask
-from snr_sim.core.reload.sources import reading_from
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import InputRecord
-from snr_sim.recording.replay import replay_node
-from snr_sim.scenario.machine_edits import changes_of
-from snr_sim.scenario.replay_files import files_of_replay
+
+if TYPE_CHECKING:
+    from snr_sim.recording.reader import Trace
 
 Change = dict[str, Any]
 
 
 def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> None:
-    """Run a program on the inputs of a recorded run, and print where its changes of state begin to differ."""
+    """Run a program on the inputs of a recorded run, and print where its changes of state begin to differ.
+
+    Args:
+        file: the program.
+        run: folder of the run; the newest if None.
+        trust: whether files of another user may be executed without a question.
+        as_json: whether to print JSON.
+    """
+    from snr_sim.scenario.machine_edits import changes_of, without_edits
+
     trace = trace_of(run)
     then = _ordered(changes_of(trace.records))
-    # Inputs that edit a machine would replace the program that is tried.
-    is_edit = [isinstance(one, InputRecord) and one.name.endswith((".edit", ".edit_file")) for one in trace.records]
     if not then:
         raise ParameterError("This run has no state machine.", fix="name a run whose controller has one.")
-    kept = [one for one, is_so in zip(trace.records, is_edit, strict=True) if not is_so]
-    now = _changes_with(replace(trace, records=kept), file, trust)
+    without, left_out = without_edits(trace)
+    now = _ordered(change for one in replay_machines(without, file, trust=trust) for change in changes_of(one.records))
     pairs = zip_longest(then, now)
     first = next(((a, b) for a, b in pairs if a is None or b is None or _key(a) != _key(b)), None)
     visits = [Counter((one["machine"], one["target"]) for one in rows if one["target"]) for rows in (then, now)]
@@ -44,9 +46,9 @@ def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> N
         for machine, state in visits[0] | visits[1]
     ]
     if as_json:
-        print_json({"first": first, "states": states, "edits_left_out": sum(is_edit)})
+        print_json({"first": first, "states": states, "edits_left_out": len(trace.records) - len(without.records)})
     else:
-        _print(first, states, sum(is_edit), trace)
+        _print(first, states, left_out, trace)
     if first is not None:
         raise typer.Exit(1)
 
@@ -60,22 +62,11 @@ def _ordered(changes: Iterable[Change]) -> list[Change]:
     return sorted(changes, key=lambda one: (one["t_ns"], one["machine"]))
 
 
-def _changes_with(trace: Trace, file: str, trust: bool) -> list[Change]:
-    """Execute the run again with another program; return its changes of state."""
-    plan = files_of_replay(trace, file)
-    ask(trace.path.parent, plan.unknown, trust)
-    with capture_output(is_json=True), reading_from(plan.files):
-        config, _ = config_of_replay(trace, plan, file)
-        roles = [node.removesuffix("_node") for node in trace.header.nodes]
-        replays = [replay_node(trace, role, config, (), plan.files.begin_task) for role in roles]
-    return _ordered(change for one in replays for change in changes_of(one.records))
-
-
 def _print(
-    first: tuple[Change | None, Change | None] | None, states: list[dict[str, Any]], edits: int, trace: Trace
+    first: tuple[Change | None, Change | None] | None, states: list[dict[str, Any]], left_out: str, trace: Trace
 ) -> None:
-    if edits:
-        print_text(f"{edits} edits of the run are left out")
+    if left_out:
+        print_text(left_out)
     if first is None:
         print_text("identical: every change of state as recorded")
     else:

@@ -5,27 +5,34 @@ from __future__ import annotations
 import asyncio
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from snr_sim.behaviors.bridge import Bridge
-from snr_sim.cli.live_page import LOOPBACK
 from snr_sim.cli.output import print_text
-from snr_sim.links.socket_port import listen
 from snr_sim.prelude.errors import SnrError
-from snr_sim.recording.folder import trace_path
-from snr_sim.scenario.library import ROBOT_MODULE, find, name_robot
-from snr_sim.scenario.machine_controller import bridge_of
-from snr_sim.web.access import Access
-from snr_sim.web.live import check_packages
-from snr_sim.web.recorded_machine import RecordedMachine
-from snr_sim.web.session import MachinePage
-from snr_sim.web.timeline import header_of
+
+if TYPE_CHECKING:
+    from snr_sim.behaviors.bridge import Bridge
+
+LOOPBACK = "127.0.0.1"
 
 
 def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
-    """Serve the page of a machine, whose name is empty if there is only one, until Ctrl-C; port 0 takes a free one.
+    """Serve the page until Ctrl-C.
 
-    If `is_trusted`, the run's files may be executed to explain it, also those of another user.
+    Args:
+        run: its folder, or its trace.
+        name: of the machine; empty if there is one only.
+        port: 0 takes a free one.
+        is_trusted: whether the run's files may be executed to explain it, also those of another user.
     """
+    from snr_sim.links.socket_port import listen
+    from snr_sim.recording.folder import trace_path
+    from snr_sim.web.access import Access
+    from snr_sim.web.live import check_packages
+    from snr_sim.web.recorded_machine import RecordedMachine
+    from snr_sim.web.session import MachinePage
+    from snr_sim.web.timeline import header_of
+
     check_packages()
     from snr_sim.web.server import serve
 
@@ -42,10 +49,10 @@ def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
 
 def _bridge_of(robot: str) -> Bridge | None:
     """Return the parts of a robot that is installed here; None if it is not, or if it has none."""
+    from snr_sim.scenario.library import bridge_of_robot
+
     if not robot or Path(robot).name != robot:  # a trace may be of another user: it names a robot, and no file
         return None
     with suppress(SnrError):
-        found = find("robots", robot)
-        name_robot(found.name, found.path)
-        return bridge_of(ROBOT_MODULE + found.name)
+        return bridge_of_robot(robot)
     return None

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from snr_sim.behaviors.explain import Evaluation, EvaluationLog, explaining, summary
-from snr_sim.behaviors.program import Program
+from snr_sim.cli.machine_replay import replay_machines
 from snr_sim.cli.newest import trace_of
-from snr_sim.cli.output import capture_output, print_json, print_text
-from snr_sim.cli.replay import config_of_replay
-from snr_sim.cli.trust import ask
-from snr_sim.core.reload.sources import reading_from
+from snr_sim.cli.output import print_json, print_text
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
-from snr_sim.recording.reader import Trace
-from snr_sim.recording.replay import replay_node
-from snr_sim.scenario.replay_files import ReplayFiles, files_of_replay
+
+if TYPE_CHECKING:
+    from snr_sim.behaviors.explain import Evaluation, EvaluationLog
+    from snr_sim.behaviors.program import Program
+    from snr_sim.recording.reader import Trace
 
 MAX_STEPS_SHOWN = 20
 NS_PER_S = 1e9
@@ -27,18 +25,23 @@ def why(
 ) -> None:
     """Print why the transitions of a run's machines were taken or not, in an interval.
 
-    Only those of one machine, by its path, and to one target, if these are not empty.
+    Args:
+        run: its folder; the newest one if None.
+        machine: path of the machine; empty for all.
+        target: only transitions to this state; empty for all.
+        from_s, until_s: the interval.
+        trust: whether files of another user may be executed without a question.
+        as_json: whether to print JSON.
     """
+    from snr_sim.behaviors.explain import EvaluationLog, summary
+
     if not 0.0 <= from_s <= until_s:
         raise ParameterError(f"The interval is from {from_s:g} s to {until_s:g} s.", fix="--from 10 --until 12.")
     trace = trace_of(run)
-    plan = files_of_replay(trace, "")
-    ask(trace.path.parent, plan.unknown, trust)
     evaluations = EvaluationLog(
-        round(from_s * NS_PER_S), round(until_s * NS_PER_S) if until_s < MAX_S else 2**62, machine, target
+        round(from_s * NS_PER_S), round(until_s * NS_PER_S) if until_s < 1e9 else 2**62, machine, target
     )
-    with capture_output(is_json=True):
-        states = _replay(trace, plan, evaluations)
+    states = _replay(trace, evaluations, trust=trust)
     if machine and machine not in states:
         raise UnknownNameError(f"This run has no machine '{machine}'.", fix=suggest(machine, states))
     known = {name for path, names in states.items() for name in names if machine in ("", path)}
@@ -50,7 +53,7 @@ def why(
     _print(evaluations, is_moment=until_s - from_s < 1.0)
 
 
-def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> dict[str, list[str]]:
+def _replay(trace: Trace, evaluations: EvaluationLog, *, trust: bool) -> dict[str, list[str]]:
     """Execute the run again and log the evaluations; return the states of its machines by path."""
     programs: list[Program] = []
 
@@ -58,10 +61,7 @@ def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> dict
         programs.append(program)
         return evaluations
 
-    with reading_from(plan.files), explaining(explained):
-        config, _ = config_of_replay(trace, plan, "")
-        for node in trace.header.nodes:
-            replay_node(trace, node.removesuffix("_node"), config, (), plan.files.begin_task)
+    replay_machines(trace, trust=trust, evaluations=explained)
     if not programs:
         raise UnknownNameError("This run has no state machine.", fix="name a run whose controller has one.")
     found = [row for one in programs for row in one.walk()]
@@ -69,6 +69,8 @@ def _replay(trace: Trace, plan: ReplayFiles, evaluations: EvaluationLog) -> dict
 
 
 def _print(evaluations: EvaluationLog, *, is_moment: bool) -> None:
+    from snr_sim.behaviors.explain import summary
+
     if not evaluations.found:
         print_text("In this interval no transition was looked at: the machine was not in a state that has one.")
         return

@@ -1,4 +1,4 @@
-"""`snr new`: copies a robot, a scenario, the starter files of a lab, or a template of a controller.
+"""`snr new`: copies a robot, a scenario, the starter files of a lab, a template of a controller or of a machine.
 
 A student's robot or scenario is found and treated exactly like one of snr_sim.
 """
@@ -17,19 +17,19 @@ from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.scenario.library import Kind, find, find_lab, robot_of_scenario
 
 _CLASS = "ControllerTemplate"  # in the template
-_LAB, _CONTROLLER = "lab", "controller"
+_LAB, _CONTROLLER, _MACHINE = "lab", "controller", "machine"
 _SOURCES: dict[str, tuple[Kind, str]] = {"robot": ("robots", "lander"), "scenario": ("scenarios", "lander_vertical")}
 
 
 def new(
-    what: Annotated[str, typer.Argument(help="controller, robot, scenario or lab.")],
+    what: Annotated[str, typer.Argument(help="controller, machine, robot, scenario or lab.")],
     name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _. Of a lab: which one.")],
     folder: Annotated[str, typer.Argument(help="Of a lab: the new folder, else one of the lab's name.")] = "",
     source: Annotated[str, typer.Option("--from", help="Which one to copy.")] = "",
-    robot: Annotated[str, typer.Option(help="Of a scenario: which robot it is for, else the one it was for.")] = "",
+    robot: Annotated[str, typer.Option(help="Of a machine or a scenario: which robot it is for.")] = "",
     scenario: Annotated[str, typer.Option(help="Of a controller: a scenario that it is for.")] = "",
 ) -> None:
-    """Begin a controller, a robot, a scenario or a lab of your own.
+    """Begin a controller, a machine, a robot, a scenario or a lab of your own.
 
     Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
     """
@@ -42,8 +42,9 @@ def new(
         return
     if folder:
         raise ParameterError(f"snr new {what} takes no folder, but got '{folder}'.", fix=f"snr new {what} {name}")
-    if what not in (*_SOURCES, _CONTROLLER):
-        raise UnknownNameError(f"snr new cannot create a '{what}'.", fix=suggest(what, [*_SOURCES, _CONTROLLER, _LAB]))
+    kinds = (*_SOURCES, _CONTROLLER, _MACHINE)
+    if what not in kinds:
+        raise UnknownNameError(f"snr new cannot create a '{what}'.", fix=suggest(what, [*kinds, _LAB]))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise ParameterError(
             f"'{name}' is not a valid {what} name.",
@@ -55,6 +56,11 @@ def new(
                 "A controller begins with the template of its robot.", fix=f"snr new controller {name} --scenario S"
             )
         _begin_controller(name, scenario)
+        return
+    if what == _MACHINE:
+        if source:
+            raise ParameterError("--from does not apply to a machine.", fix=f"snr new machine {name} --robot dora")
+        _begin_machine(name, robot)
         return
     kind, default = _SOURCES[what]
     found = find(kind, source or default)
@@ -121,6 +127,23 @@ def _begin_controller(name: str, scenario: str) -> None:
     target.write_text(template.read_text().replace(_CLASS, class_name))
     shown = scenario if found.name != Path(scenario).stem else found.name
     print_text(f"{target} is a controller for {found.name}. Run it: snr run {shown} --controller ./{target}")
+
+
+def _begin_machine(name: str, robot: str) -> None:
+    """Write a program in LRP of this name for a robot into the current folder."""
+    from snr_sim.behaviors.starter import starter_of
+    from snr_sim.scenario.library import LRP, bridge_of_robot, list_available, robot_of_scenario
+
+    if not robot:
+        raise ParameterError(
+            "A machine needs a robot, whose parts it names.", fix=f"snr new machine {name} --robot dora"
+        )
+    text, target = starter_of(name, robot, bridge_of_robot(robot)), Path(f"{name}{LRP}")
+    _check_is_new(target)
+    target.write_text(text, encoding="utf-8")
+    scenario = next((one.name for one in list_available("scenarios") if robot_of_scenario(one) == robot), "SCENARIO")
+    print_text(f"{target} is a state machine for {robot}. Check it: snr machine check {target} --robot {robot}")
+    print_text(f"Run it: snr run {scenario} --controller ./{target}")
 
 
 def _check_is_new(target: Path, what_to_do: str = "choose another name") -> None:

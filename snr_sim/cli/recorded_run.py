@@ -49,12 +49,14 @@ def record_run(
     console_port: int | None = None,
     page: LivePage | None = None,
     stall_limit_s: float | None = None,
+    guard_s: float | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Run a request into a new run folder; return the content of result.json and the exit status.
 
     Args:
         page: the live page of its state machines, if there is to be one.
         stall_limit_s: ends a run that stands still for so long; if None, one that is quiet, as a program waits for it.
+        guard_s: how long after an edit of a machine a failure puts the program before it back; None: never.
 
     Raises:
         SnrError: the request is wrong; nothing has been written.
@@ -66,6 +68,10 @@ def record_run(
         simulation, alone, plant, config, pace = _prepared(request, pace)
         header = simulation.header(plant, config, "sim" if alone is None else "wall")
         config.stall_limit_s = _stall_limit_s(stall_limit_s, is_json)
+        if guard_s is not None:
+            from snr_sim.scenario.machine_controller import guard_edits
+
+            guard_edits(config, guard_s)
         start_lines = simulation.start_lines()
         if is_watched:
             show_log(logging.INFO)

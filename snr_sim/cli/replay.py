@@ -27,6 +27,9 @@ _OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
 def replay(
     run: RecordedRun = None,
+    keep_program: Annotated[
+        bool, typer.Option("--keep-program", help="Leave out edits of state machines that came while it ran.")
+    ] = False,
     check: Annotated[
         bool,
         typer.Option(
@@ -47,7 +50,8 @@ def replay(
     """Replay a run and compare.
 
     The handlers are executed again on the recorded inputs: the code that the run was recorded with, of which copies
-    are in its folder. If another user may have written it, you are asked first.
+    are in its folder. If another user may have written it, you are asked first. --with replaces the controller. Where a
+    state machine was edited while it ran, each edit then takes over when it comes; --keep-program leaves edits out.
 
     Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used: with --check
     also if its digest is not the one in result.json.
@@ -65,8 +69,20 @@ def replay(
     ask(trace.path.parent, plan.unknown, trust)
     if plan.executed and not as_json:
         print_line(sys.stderr, f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}")
+    note = ""
+    if with_file or keep_program:
+        from snr_sim.scenario.library import LRP
+        from snr_sim.scenario.machine_edits import LINES, without_edits
+
+        kept, note = without_edits(trace)
+        if keep_program:
+            trace = kept
+        elif note:
+            note = "Edits of the run replace the program, each when it came. Only --keep-program leaves them out."
+        tolerances += LINES if with_file.endswith(LRP) else ()
     with capture_output(is_json=True):  # keeps output of handlers out of the result
         done = _replay(trace, plan, with_file, tolerances, check)
+    done.notes[:0] = [note] if note else []
     if with_file:
         done.notes.extend(_write_comparison(trace, done.replays, folder))
     if done.divergences:
@@ -158,7 +174,7 @@ def environment_note(trace: Trace) -> list[str]:
 
 
 def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> list[str]:
-    marks = [(one.seq, one.t, _sentence(one)) for replay in replays for one in replay.divergences]
+    marks = [(one.seq, one.t, sentence_of(one)) for replay in replays for one in replay.divergences]
     records = [record for replay in replays for record in replay.records]
     try:
         from snr_sim.view.view import write_comparison
@@ -172,7 +188,8 @@ def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> 
     return [f"Both runs on one timeline: snr view {path}"]
 
 
-def _sentence(one: Divergence) -> str:
+def sentence_of(one: Divergence) -> str:
+    """Return a divergence as a sentence."""
     from snr_sim.recording.checker import HANDLER
 
     who = f"{one.component}.{one.handler}" if one.handler else one.component
@@ -214,7 +231,7 @@ def _print_comparison(trace: Trace, done: _Replayed) -> None:
         print_text(f"  the closed loop again: snr resim {trace.path.parent}")
 
 
-def _writable(one: Divergence) -> Divergence:
+def writable(one: Divergence) -> Divergence:
     """Return a divergence with JSON-compatible values: null would not distinguish NaN from infinity."""
     from dataclasses import replace
 
@@ -239,7 +256,7 @@ def _fields(trace: Trace, done: _Replayed) -> dict[str, Any]:
             for one in done.replays
         ],
         "divergences": len(done.divergences),
-        "first_divergence": asdict(_writable(done.divergences[0])) if done.divergences else None,
+        "first_divergence": asdict(writable(done.divergences[0])) if done.divergences else None,
         "commands_differ_from_seq": seq,
         "warning": None if seq is None else f"seq {seq}: {_OPEN_LOOP}",
         "outside_calls": [asdict(call) for call in done.calls],

@@ -40,6 +40,10 @@ def run(
     watch: Annotated[
         bool, typer.Option("--watch", help="Reload a component when its file is saved; with --speed real.")
     ] = False,
+    guard: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Put the program before an edit in LRP back if the new one fails within S s."),
+    ] = None,
     console: Annotated[
         int | None, typer.Option(metavar="PORT", help="For `snr console PORT`, on this machine.")
     ] = None,
@@ -97,6 +101,7 @@ def run(
         console_port=console,
         page=page,
         stall_limit_s=stall_limit,
+        guard_s=guard,
     )
     if as_json:
         print_json(fields)

@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable
 from typing import TypeAlias
 
-from snr_sim.core.loop import Loop, WakingPages
+from snr_sim.core.loop import NEVER_S, Loop, WakingPages
 from snr_sim.core.node_life import NodeLife
 from snr_sim.prelude.errors import ClockError, ComponentFailedError
 
 Callback: TypeAlias = Callable[[], None]
+Due: TypeAlias = tuple[float, int, int, Callback]  # when, order, number of the call, what
 _UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
 
 
@@ -43,14 +44,14 @@ class SimClock:
     with time, such as a plant, registers with `follow` and is advanced to each new instant before any callback runs.
 
     >>> clock = SimClock()
-    >>> clock.call_at(0.5, lambda: print("now it is", clock.now_s()))
+    >>> due = clock.call_at(0.5, lambda: print("now it is", clock.now_s()))
     >>> clock.run_next()
     now it is 0.5
     """
 
     def __init__(self) -> None:
         self._now_s = 0.0
-        self._due: list[tuple[float, int, int, Callback]] = []
+        self._due: list[Due] = []
         self._count = 0
         self._followers: list[Callable[[float], None]] = []
 
@@ -58,8 +59,8 @@ class SimClock:
         """Return virtual seconds since the run began."""
         return self._now_s
 
-    def call_at(self, time_s: float, callback: Callback, order: int = 0) -> None:
-        """Schedule `callback` for `time_s`.
+    def call_at(self, time_s: float, callback: Callback, order: int = 0) -> Due:
+        """Schedule `callback` for `time_s`; return what `cancel` needs.
 
         Args:
             time_s: not before now.
@@ -75,7 +76,14 @@ class SimClock:
                 fix="ask for a moment that is still to come: now_s() plus a delay.",
             )
         self._count += 1
-        heapq.heappush(self._due, (time_s, order, self._count, callback))
+        due = time_s, order, self._count, callback
+        heapq.heappush(self._due, due)
+        return due
+
+    def cancel(self, due: Due) -> None:
+        """Forget a call that has not been made: time does not stop at it."""
+        self._due.remove(due)
+        heapq.heapify(self._due)
 
     def follow(self, advance_to: Callable[[float], None]) -> None:
         """Register `advance_to(time_s)` to be called at each new instant, before the callbacks due then."""
@@ -122,6 +130,8 @@ class ClockExecutor:
         self._pages = WakingPages(loop, self)
         self._periods = 0  # ticks but for those that a page has caused
         self._is_woken = False  # a tick in addition to the rate is due at this moment
+        self._next: Due | None = None  # the next tick that no page has caused
+        self._next_tick_at_s: float | None = None  # of the loop, when that tick was scheduled
         self.is_stopped: bool = False
         self.ticks: int = 0
         self.late_s: float = 0.0
@@ -131,17 +141,30 @@ class ClockExecutor:
         self._must_halt = True  # before setup: a loop whose setup fails must be halted too, as on a thread
         self._life.call_loop(self._loop, "setup")
         self._pages.begin()
-        self._clock.call_at(self._start_s, self._tick, self._order)
+        self._next = self._clock.call_at(self._start_s, self._tick, self._order)
 
     def _tick(self) -> None:
+        self._next = None
         self._periods += 1
         self._call()
-        if not self.is_stopped:
-            self._clock.call_at(self._next_s(), self._tick, self._order)
+        self._schedule()
 
     def _tick_woken(self) -> None:
         self._is_woken = False
         self._call()
+        if self._loop.next_tick_at_s not in (None, self._next_tick_at_s):
+            self._schedule()
+
+    def _schedule(self) -> None:
+        """Schedule the next tick in place of the one that was scheduled."""
+        if self._next is not None:
+            self._clock.cancel(self._next)
+            self._next = None
+        if self.is_stopped:
+            return
+        self._next_tick_at_s, time_s = self._loop.next_tick_at_s, self._next_s()
+        if time_s < NEVER_S:
+            self._next = self._clock.call_at(time_s, self._tick, self._order)
 
     def _call(self) -> None:
         if self.is_stopped:

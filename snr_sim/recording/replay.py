@@ -54,6 +54,7 @@ def replay_node(
     config: Config,
     tolerances: Sequence[Tolerance] = (),
     before_task: Callable[[int], None] = lambda seq: None,
+    on_node: Callable[[Node], None] = lambda node: None,
 ) -> NodeReplay:
     """Replay one node of a run.
 
@@ -63,6 +64,7 @@ def replay_node(
         config: with the same endpoints, or changed ones; its loops are left out.
         tolerances: differences to accept.
         before_task: called with the seq of each recorded task before it is executed again.
+        on_node: called with the node before it begins.
 
     Raises:
         TraceError: an input of the trace cannot be decoded.
@@ -75,6 +77,7 @@ def replay_node(
     clock = ReplayClock()
     node = Node(role, config, clock=clock, recorder=checker, seed=trace.header.seed, is_replay=True)
     node.is_in_lock_step = trace.header.clock == "sim"
+    on_node(node)
     with Watchdog([node]):
         _Driver(node, clock, checker, before_task).run(records)
     checker.result.executed = node.machine.executed

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from snr_sim.prelude.sums import ordered_sum as ordered_sum
     from snr_sim.prelude.wrench import AXES as AXES
     from snr_sim.scenario.library import load_program as load_program
+    from snr_sim.scenario.machine_piece import replay_piece as replay_piece
     from snr_sim.scenario.simulation import Request as Request
     from snr_sim.scenario.simulation import prepare as prepare
     from snr_sim.scenario.simulation_run import RunResult as RunResult

@@ -28,6 +28,7 @@ from snr_sim.core.source_location import describe_error, is_student_file, short_
 from snr_sim.prelude.errors import ConfigError, MissingExtraError, SnrError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
+    from snr_sim.behaviors.bridge import Bridge
     from snr_sim.recording.sources import KeepingFiles
 
 Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
@@ -191,6 +192,20 @@ class _LazyRobotModule(ModuleType):
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(load_robot(self._found), name)
+
+
+def bridge_of_robot(name: str) -> Bridge:
+    """Return the parts of a robot that LRP programs may name.
+
+    Raises:
+        UnknownNameError: there is no such robot.
+        ConfigError: it has no parts for programs.
+    """
+    from snr_sim.scenario.machine_controller import bridge_of  # as below: few runs need it
+
+    found = find("robots", name)
+    name_robot(found.name, found.path)
+    return bridge_of(ROBOT_MODULE + found.name)
 
 
 def load_scenario(found: FoundItem) -> ModuleType:

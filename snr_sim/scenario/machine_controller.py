@@ -6,6 +6,7 @@ not run in the robot's first role.
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -14,15 +15,17 @@ from types import ModuleType
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Bridge
-from snr_sim.behaviors.endpoint import machine_parts
+from snr_sim.behaviors.endpoint import MachineFactory, machine_parts
 from snr_sim.behaviors.imports import MAX_FILES, actions_of, files_named, texts_of
 from snr_sim.behaviors.language import parse
 from snr_sim.behaviors.program import Problem, Program, ProgramError, show_problem
+from snr_sim.core.config import Config
 from snr_sim.core.reload.sources import source_files
 from snr_sim.core.source_location import short_path
-from snr_sim.prelude.errors import ConfigError, SnrError
+from snr_sim.prelude.errors import ConfigError, ParameterError, SnrError
 
 STEP_HZ = 100.0
+FIX_WITHOUT_MACHINE = "--controller FILE.lrp, or a controller with a MachineFactory: docs/machines.md."
 LoadModule: TypeAlias = Callable[[str], ModuleType]  # loads a Python file
 
 
@@ -52,6 +55,25 @@ def machine_controller(module: ModuleType, robot_module: str, load: LoadModule) 
     module.factories = factories  # type: ignore[attr-defined]
     if roles is not None:
         module.ROLES = roles  # type: ignore[attr-defined]
+
+
+def guard_edits(config: Config, guard_s: float) -> None:
+    """Put the program before an edit back when a block fails, or page `failsafe` comes, within a time after the edit.
+
+    Args:
+        config: of the robot; all its machines are guarded.
+        guard_s: that time.
+
+    Raises:
+        ParameterError: the time is not valid, or there is no machine.
+    """
+    if not 0.0 < guard_s < math.inf:
+        raise ParameterError(f"--guard must be greater than 0, not {guard_s:g}.", fix="give seconds, such as 3.")
+    found = [one for role in config.factories.values() for one in role if isinstance(one, MachineFactory)]
+    if not found:
+        raise ParameterError("--guard is for edits of state machines, and this run has none.", fix=FIX_WITHOUT_MACHINE)
+    for one in found:
+        one.guard_s = guard_s
 
 
 def bridge_of(robot_module: str) -> Bridge:

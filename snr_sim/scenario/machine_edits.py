@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.values import decode_value
+from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import Executed, InputRecord, LogLineRecord, Record
 from snr_sim.recording.trace import FILE_NAME
@@ -26,6 +27,9 @@ from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import run_recorded
 
 TABLE = "edits.toml"
+EDITS = (".edit", ".edit_file")  # ends of the names of events that replace a program
+# Lines of a program move with the text around them, which changes nothing that it does.
+LINES = (Tolerance.parse("*.transition*.line=ignore"), Tolerance.parse("*.last.line=ignore"))
 _EDIT, _TRANSITION = ".edit", ".transition"
 _SAME = ("t_ns", "machine", "kind", "source", "target")  # of a change; its line and name are of the text
 # What changes a machine from outside and is not written.
@@ -91,13 +95,23 @@ def digest_of_changes(records: list[Record]) -> str:
     return digest.hexdigest()
 
 
-def changes_of(records: list[Record]) -> Iterator[dict[str, Any]]:
+def changes_of(records: Iterable[Record]) -> Iterator[dict[str, Any]]:
     """Yield all changes of machines' states in a run, as their events "<name>.transition" have them; none of flows."""
     for record in records:
         if isinstance(record, Executed) and record.type == "event" and record.name.endswith(_TRANSITION):
             (change,) = decode_value(bytes(record.values))
             if isinstance(change, dict) and "kind" in change:
                 yield change
+
+
+def without_edits(trace: Trace) -> tuple[Trace, str]:
+    """Return a trace without the inputs that edit a machine, and a note on them; an empty one if there are none."""
+    kept = [one for one in trace.records if not (isinstance(one, InputRecord) and one.name.endswith(EDITS))]
+    count = len(trace.records) - len(kept)
+    note = (
+        f"{count} edit{'s' if count > 1 else ''} of the run {'are' if count > 1 else 'is'} left out." if count else ""
+    )
+    return replace(trace, records=kept), note
 
 
 def write(edits: Edits, folder: Path) -> None:

@@ -50,23 +50,46 @@ def test_other_physics_end_with_status_1(
     assert json.loads(capsys.readouterr().out)["identical"] is False
 
 
-@pytest.mark.slow
-def test_watched_run_is_the_same_again_with_its_edits(snr: Snr, here: Path) -> None:
-    file, text = here / "mine.lrp", STOP.read_text()
-    file.write_text(text.replace("[55]", "[5]"))
+def saved_while_it_runs(here: Path, *texts: str) -> Thread:
+    """Begin to save texts as the program of a run, from a second after its start on, a second after each other."""
 
-    def edit() -> None:
+    def save() -> None:
         deadline_s = monotonic() + 60.0
         while not list(here.glob("runs/*/trace.jsonl")) and monotonic() < deadline_s:
             sleep(0.05)
-        sleep(1.0)
-        file.write_text(text.replace("[55]", "[5"))
-        sleep(1.0)
-        file.write_text(text)
+        for text in texts:
+            sleep(1.0)
+            (here / "mine.lrp").write_text(text)
 
-    editor = Thread(target=edit)
+    editor = Thread(target=save)
     editor.start()
-    answer = snr("run", "dora_wall", "--controller", "./mine.lrp", "--speed", "3", "--watch", "--no-rrd")
+    return editor
+
+
+WATCHED = ("run", "dora_wall", "--controller", "./mine.lrp", "--speed", "3", "--watch", "--no-rrd")
+
+
+@pytest.mark.slow
+def test_guarded_run_puts_the_program_before_an_edit_back(snr: Snr, here: Path) -> None:
+    text = STOP.read_text()
+    (here / "mine.lrp").write_text(text.replace("[55]", "[15]"))
+    editor = saved_while_it_runs(here, text.replace("robot.ultra.read() <", "robot.ultra.read() / 0 <"))
+    answer = snr(*WATCHED, "--guard", "5")
+    editor.join()
+    assert answer.status == 0, answer.err
+    assert "Machine 'dora' has the program before an edit again: line" in answer.err
+    replayed = snr("replay", "--check")
+    assert "identical" in replayed.out, replayed.out + replayed.err
+    refused = snr("run", "dora_wall", "--guard", "0")
+    assert (refused.status, "--guard must be greater than 0" in refused.err) == (2, True)
+
+
+@pytest.mark.slow
+def test_watched_run_is_the_same_again_with_its_edits(snr: Snr, here: Path) -> None:
+    text = STOP.read_text()
+    (here / "mine.lrp").write_text(text.replace("[55]", "[5]"))
+    editor = saved_while_it_runs(here, text.replace("[55]", "[5"), text)
+    answer = snr(*WATCHED)
     editor.join()
     assert answer.status == 0, answer.err
     edits = snr("machine", "edits", next(here.glob("runs/*")), "--out", "edits")

@@ -33,7 +33,7 @@ def run(tmp_path: Path) -> Path:
 def test_program_that_does_the_same_is_identical(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine("try", str(STOP), other=str(run), trust=True)
     shown = capsys.readouterr().out
-    assert "1 edits of the run are left out" in shown
+    assert "1 edit of the run is left out." in shown
     assert "identical: every change of state as recorded" in shown
 
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Loop, Node, SimClock, TaskType, TimeoutLoopFactory, WallClock, tasks
+from snr_sim import Config, Loop, Node, Page, SimClock, TaskType, TimeoutLoopFactory, WallClock, tasks
 from snr_sim.core.lockstep import LockStep
+from snr_sim.core.loop import NEVER_S
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
@@ -115,6 +116,39 @@ def test_removed_loop_listens_no_more() -> None:
     node = Node("r", Config(factories={"r": [Echo.factory()]}), clock=clock)
     LockStep([node], clock, until_s=0.1).run()
     assert not any(node.datastore.listeners.values())
+
+
+def moments_of(alarms: list[float], at_s: float) -> tuple[list[float], list[float], SimClock]:
+    """Return the ticks of a loop that waits for these times in turn, and all moments; a page comes at `at_s`."""
+    ticks: list[float] = []
+    moments: list[float] = []
+
+    class Waiting(Echo):
+        def loop(self) -> None:
+            ticks.append(self.get_time_s())
+            self.next_tick_at_s = alarms[min(len(ticks), len(alarms)) - 1]
+
+    clock = SimClock()
+    clock.follow(moments.append)
+    ask = TimeoutLoopFactory(at_s, task=tasks.store_page(Page("ask", 1, "r_node", 0.0)))
+    node = Node("r", Config(factories={"r": [ask, Waiting.factory()]}), clock=clock)
+    LockStep([node], clock).run()
+    return ticks, moments, clock
+
+
+def test_page_replaces_the_tick_that_a_loop_waited_for() -> None:
+    ticks, moments, _ = moments_of([1.0, 0.5, NEVER_S], 0.2)
+    assert ticks == [0.0, 0.2, 0.5]
+    assert moments == [0.2, 0.5], "time stops no more at 1 s"
+
+
+def test_loop_that_waits_for_pages_only_leaves_nothing_due() -> None:
+    ticks, moments, clock = moments_of([NEVER_S], 0.2)
+    assert (ticks, moments, clock.next_s) == ([0.0, 0.2], [0.2], None)
+
+
+def test_tick_that_a_loop_still_waits_for_stays() -> None:
+    assert moments_of([1.0, 1.0, NEVER_S], 0.2)[0] == [0.0, 0.2, 1.0]
 
 
 @pytest.mark.slow

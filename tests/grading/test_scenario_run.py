@@ -114,6 +114,29 @@ def test_graded_run_with_all_component_features_equals_plain_run(tmp_path: Path)
     assert graded_run.truth()[0][1]["poses"]
 
 
+BLINK = """
+from snr_sim.behaviors import after, machine, machine_parts, state
+
+def burn(m):
+    return m.store_data_task("engine", {"throttle": 1.0})
+
+STATES = [state("off", after(0.333, to="on")), state("on", after(0.25, to="off"), enter=burn)]
+
+def factories(robot):
+    return machine_parts(machine("blink", "off", STATES), "blink", step_hz=0)
+"""
+
+
+def test_graded_run_of_a_machine_without_a_clock_equals_plain_run(tmp_path: Path) -> None:
+    submission = tmp_path / "submission"
+    submission.mkdir()
+    (submission / "blink.py").write_text(BLINK)
+    graded_run = Student(submission, record_to=tmp_path / "runs").run_scenario("lander_vertical", 11, "blink.py")
+    run = Request("lander_vertical", seed=11, controller=str(submission / "blink.py"))
+    assert graded_run.trace.digest == digest_of_run(tmp_path, run)
+    assert len(graded_run.pages("blink")) > 5
+
+
 def test_tasks_of_a_failed_component_are_not_attributed_to_another(tmp_path: Path) -> None:
     fails = 'self.schedule(tasks.event("begun"))\n        if self.name == "two": raise ValueError'
     begins = 'self.schedule(tasks.event("begun", [self.name]))'
