@@ -25,6 +25,7 @@ class NodeCore(Endpoint):
         super().__init__(EndpointFactory(), parent, CORE_NAME)
         self._node = parent
         manager = ComponentManager(life, self)
+        probations = Probations(manager)
         self.task_handlers = {
             TaskType.store_page: storage.store,
             TaskType.terminate: self.end_node,
@@ -32,7 +33,8 @@ class NodeCore(Endpoint):
             (TaskType.event, tasks.ADD_COMPONENT_TASK_NAME): manager.add_component,
             (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): manager.remove_component,
             (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): manager.remove_component,
-            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): Probations(manager).roll_back,
+            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): probations.roll_back,
+            (TaskType.event, tasks.INTERRUPT_TASK_NAME): probations.end_interrupt,
             (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
         }
 

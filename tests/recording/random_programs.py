@@ -19,6 +19,7 @@ import numpy as np
 from pathlib import Path
 
 from snr_sim import Config, Endpoint, Loop, SimClock, TaskType, handles, page, tasks
+from snr_sim.core.interrupts import interrupt_new_code
 from snr_sim.links import LinkFaults, SocketsPair
 
 GAIN = 1
@@ -90,6 +91,8 @@ TABLES = (
 EDITS = (
     "edit('GAIN = 1', 'GAIN = {n}')",
     "edit('# spare', 'self.missing()')",
+    "edit('# first', 'hang(self)')",
+    "edit('# spare', 'self.store_data(\"alpha\", \"poison\")')",
     "edit('# spare', 'self.rng.random()')",
     "edit('GAIN = 1', 'GAIN =')",
     "edit('GAIN = 1', 'GAIN = 1 / 0')",
@@ -103,6 +106,12 @@ def size(value):
 
 def about(one):
     return [one.key, one.origin, one.created_at_s, one.process, size(one.data)] if one is not None else None
+
+
+def hang(component):
+    while interrupt_new_code(component.parent, "It has not returned."):
+        component.bump()
+        component.store_data("beta", "dropped")
 
 
 def edit(old, new):
@@ -127,7 +136,7 @@ def statements(draw: st.DrawFn, choices: tuple[str, ...], max_count: int = 4) ->
 
 
 def method(head: str, body: list[str], spends: bool = True) -> str:
-    lines = [f"    def {head}:", "        self.bump()", "        out = []"]
+    lines = [f"    def {head}:", "        # first", "        self.bump()", "        out = []"]
     if spends:
         lines += ["        if not self.spend():", "            return None"]
     lines += [f"        {line}" for line in body]
@@ -142,7 +151,8 @@ def endpoint(draw: st.DrawFn, name: str, choices: tuple[str, ...]) -> str:
     if draw(st.booleans()):
         parts.append(method("begin(self)", draw(statements(HARMLESS, 2))))
     parts.append(f'    @handles("{key}")')
-    parts.append(method("on_page(self, data, task=None)", draw(statements(choices))))
+    fails = ["type(data) is str and data == 'poison' and 1 / 0"] if draw(st.booleans()) else []
+    parts.append(method("on_page(self, data, task=None)", fails + draw(statements(choices))))
     parts.append(f'    @handles(event="{event}")')
     parts.append(method("on_event(self, task)", draw(statements(choices))))
     parts.append(method("other(self, task, task_id)", draw(statements(choices, 2))))
