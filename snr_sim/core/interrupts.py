@@ -98,7 +98,7 @@ def graceful_shutdown(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
 
     def on_overdue(number: int, frame: FrameType | None) -> None:
         for node in nodes:
-            call = node.machine.trial  # None if it has returned meanwhile
+            call = node.machine.guarded_call  # None if it has returned meanwhile
             if call is None or call.attempts == 0:
                 continue
             if call.attempts == MAX_ATTEMPTS or (frame is not None and is_student_file(frame.f_code.co_filename)):
@@ -140,13 +140,13 @@ def interrupt_new_code(node: NodeParts, message: str) -> bool:
 
     The signal's handler runs on the node's thread and raises only if that call has not returned yet, so nothing else
     is interrupted. Python runs such handlers on the main thread alone: a node on another thread is not interrupted, nor
-    is any on Windows, nor C code that does not return to Python. Code that catches BaseException may go on.
+    is any on Windows, nor C code that does not return to Python. Code that catches BaseException may continue.
 
     Args:
         node: the node.
         message: what is reported of the call, after the student's line.
     """
-    call = node.machine.trial
+    call = node.machine.guarded_call
     if call is None or not call.is_interruptible or call.attempts == MAX_ATTEMPTS:
         return False
     if node.thread_id not in _entered or not hasattr(signal, "pthread_kill"):

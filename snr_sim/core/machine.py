@@ -34,7 +34,7 @@ _TERMINATE = TaskType.terminate
 
 
 @dataclass
-class Trial:
+class GuardedCall:
     """A call after which there may be a rollback: see `core/reload/rollback.py`.
 
     Args:
@@ -92,7 +92,7 @@ class EventMachine:
         self.running: Component | None = None  # the component whose code runs now
         self.task: Task | None = None  # the task whose handlers run now
         self.is_ended: bool = False
-        self.trial: Trial | None = None  # the present call, if it is one
+        self.guarded_call: GuardedCall | None = None  # the present call, if it is guarded
         self.on_input: Callable[[Task, str], None] | None = None  # called with each input, and its source
         self._latch = latch
         self._recorder = recorder
@@ -264,8 +264,8 @@ class EventMachine:
 
     def schedule(self, tasks: Sequence[Task]) -> None:
         """Queue tasks of the running component, before those it will return; the recorder counts them as returned."""
-        if self.trial is not None:
-            self.trial.scheduled.extend(tasks)
+        if self.guarded_call is not None:
+            self.guarded_call.scheduled.extend(tasks)
         elif self._recorder is None:
             self._queue_all(tasks)
         else:

@@ -245,9 +245,9 @@ class Node(NodeMembers):
         In a handler of `process_data` it is the page that the task carries, and the one before that.
         """
         newest = self.datastore.get(key)
-        trial = self.machine.trial
-        if trial is not None and newest is not None and threading.get_ident() == self.thread_id:
-            trial.read.append(newest)
+        guarded = self.machine.guarded_call
+        if guarded is not None and newest is not None and threading.get_ident() == self.thread_id:
+            guarded.read.append(newest)
         task = self.machine.task
         if task is None or task.type is not _PROCESS_DATA or not task.val_list:
             return newest

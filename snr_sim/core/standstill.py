@@ -185,8 +185,8 @@ class Standstill:
     def _who(self, call: CurrentCall) -> str:
         if self.running is None:  # then a plant or a scenario runs, which follow the clock
             return call.name or "the run"
-        trial = self.node.machine.trial
-        name = self.running.name if trial is None else trial.component
+        guarded = self.node.machine.guarded_call
+        name = self.running.name if guarded is None else guarded.component
         return f"{call.name} of component '{name}'" if call.name else f"component '{name}'"
 
     def _slow(self, call: CurrentCall) -> str | None:

@@ -91,7 +91,10 @@ def test_mistake_is_reported_with_line_and_fix(mistake: Mistake, snr: Snr, here:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("new", ["return task", COMMAND.replace('"throttle"', '"throtle"'), "while True: pass"])
+@pytest.mark.parametrize(
+    "new",
+    ["return task", COMMAND.replace('"throttle"', '"throtle"'), "while True: pass", "__import__('time').sleep(600)"],
+)
 def test_edit_that_would_end_the_run_is_rolled_back_and_replays(snr: Snr, here: Path, new: str) -> None:
     (here / "gentle.py").write_text(in_flight(COMMAND, new)["gentle.py"](GENTLE))
     answer = snr(*WATCHED)

@@ -132,8 +132,8 @@ def test_call_is_interrupted_at_the_line_that_does_not_return(watched: FunctionE
     def hang() -> None:
         node.machine.running = node.components["watched"]
         checks.pass_by(1.5)
-        assert node.machine.trial is not None
-        assert node.machine.trial.attempts == 0
+        assert node.machine.guarded_call is not None
+        assert node.machine.guarded_call.attempts == 0
         checks.pass_by(10.0)
 
     with pytest.raises(ComponentFailedError) as failed:
@@ -231,7 +231,7 @@ def test_late_tasks_of_rolled_back_code_are_dropped_if_others_fail_on_them(stude
     assert "'pilot' has made page 'lift' before it was rolled back, so this task" in outcome(node)["message"]
 
 
-def test_tasks_that_fail_on_a_page_of_new_code_which_they_read_are_dropped_until_it_is_replaced(
+def test_tasks_that_fail_on_a_page_of_new_code_are_dropped_until_it_is_replaced(
     student: Student,
 ) -> None:
     factory, parts = student.load(LIFT).Pilot.factory(name="pilot"), list[Any]()
@@ -249,7 +249,7 @@ def test_tasks_that_fail_on_a_page_of_new_code_which_they_read_are_dropped_until
     assert "'pilot' has made page 'lift' before it was rolled back, so this task is dropped." in second
 
 
-def test_what_begin_of_new_code_schedules_counts_as_made_by_it(student: Student) -> None:
+def test_page_that_begin_of_new_code_schedules_counts_as_made_by_it(student: Student) -> None:
     factory = student.load(LIFT).Pilot.factory(name="pilot")
     begin = '        def begin(self):\n            return self.store_data_task("lift", "bad")\n'
     node, thrusts = run([factory, adding()], [reload(student, LIFT + begin), thrust_task])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, note
 
-from snr_sim import SimClock, SimRunner
+from snr_sim import SimClock, SimRunner, SynchronousRunner
 from snr_sim.cli.replay import _replay
 from snr_sim.core.output_recording import record_output
 from snr_sim.prelude.errors import SnrError
@@ -18,7 +18,7 @@ from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
 from snr_sim.scenario.program import _files_of, program_header
 from snr_sim.scenario.replay_files import files_of_replay
-from tests.recording.random_programs import HEAD, HELPERS, Program, programs
+from tests.recording.random_programs import HEAD, HELPERS, Program, programs, programs_with_processes
 
 
 def record(folder: Path, program: Program) -> Path:
@@ -28,14 +28,20 @@ def record(folder: Path, program: Program) -> Path:
     run = folder / "run"
     run.mkdir()
     config = library.load_program(str(file)).config
-    clock = SimClock()
+    clock = SimClock() if program.is_in_lock_step else None
     header = program_header(list(config.factories), config, file, clock, program.seed)
     writer = TraceWriter(run / FILE_NAME, header, TraceInfo.now("", str(file)))
     try:
-        runner = SimRunner(
-            config, clock=clock, recorder=writer, seed=program.seed, until_s=program.until_s, log_notes=False
-        )
-        with library.keep_copies(run, _files_of(file)), record_output(list(runner.nodes.values())), suppress(SnrError):
+        runner: SimRunner | SynchronousRunner
+        if clock is None:
+            runner = SynchronousRunner("r", config, recorder=writer, seed=program.seed)
+            nodes = [runner.node]
+        else:
+            runner = SimRunner(
+                config, clock=clock, recorder=writer, seed=program.seed, until_s=program.until_s, log_notes=False
+            )
+            nodes = list(runner.nodes.values())
+        with library.keep_copies(run, _files_of(file)), record_output(nodes), suppress(SnrError):
             runner.run()
     finally:
         writer.close()
@@ -63,6 +69,15 @@ def check(program: Program, folder: Path) -> Trace:
 def test_random_program_replays_identically(program: Program, tmp_path_factory: pytest.TempPathFactory) -> None:
     note(program.text)
     check(program, tmp_path_factory.mktemp("random"))
+
+
+@pytest.mark.nightly(minutes=15)
+@given(program=programs_with_processes())
+def test_random_program_with_a_process_replays_identically(
+    program: Program, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    note(program.text)
+    check(program, tmp_path_factory.mktemp("process"))
 
 
 # A loop edits the file at its second tick; `two` fails on the text of `one`.

@@ -1,4 +1,4 @@
-"""Calls of new code on trial: what a call schedules is queued only if it returns, and one that does not is interrupted.
+"""Guarded calls of new code: what a call schedules is queued only if it returns; one that does not is interrupted.
 
 An interrupt depends on the wall clock, so it is an input: event `interrupt_call` (which call, why), recorded before the
 task in which it was. A replay gets it before that task, and abandons the call in the same place without executing it.
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, TypeVar
 
-from snr_sim.core.machine import Trial
+from snr_sim.core.machine import GuardedCall
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ComponentFailedError
@@ -43,12 +43,12 @@ class NewCodeCalls:
                 self.interrupted[what] = message
 
     def call(self, what: str, component: str, function: Callable[[], T]) -> T:
-        """Call new code of a component, and queue the tasks that it has scheduled; else as `on_trial`."""
-        returned, scheduled = self.on_trial(what, component, function)
+        """Call new code of a component, and queue the tasks that it has scheduled; else as `call_guarded`."""
+        returned, scheduled = self.call_guarded(what, component, function)
         self._node.machine.schedule(scheduled)
         return returned
 
-    def on_trial(self, what: str, component: str, function: Callable[[], T]) -> tuple[T, list[Task]]:
+    def call_guarded(self, what: str, component: str, function: Callable[[], T]) -> tuple[T, list[Task]]:
         """Call new code of a component; return what it returned, and the tasks that it has scheduled.
 
         Args:
@@ -57,31 +57,31 @@ class NewCodeCalls:
         Raises:
             ComponentFailedError: it was interrupted, now or in the recorded run: then it is not called.
         """
-        trial = Trial(component, is_interruptible=not self._node.is_replay)
+        guarded = GuardedCall(component, is_interruptible=not self._node.is_replay)
         if what in self.interrupted:
-            trial.message = self.interrupted.pop(what)
+            guarded.message = self.interrupted.pop(what)
         else:
             try:
-                returned = self.run(trial, function)
+                returned = self.run(guarded, function)
             except BaseException as error:
-                if not trial.is_interrupted or isinstance(error, KeyboardInterrupt):
+                if not guarded.is_interrupted or isinstance(error, KeyboardInterrupt):
                     raise
             else:
-                if not trial.is_interrupted:  # its code has not caught an interrupt
-                    self.keep(component, trial.scheduled)
-                    return returned, trial.scheduled
+                if not guarded.is_interrupted:  # its code has not caught an interrupt
+                    self.keep(component, guarded.scheduled)
+                    return returned, guarded.scheduled
             if what:
-                self._node.machine.record_effective(tasks.interrupt_call(what, trial.message), SOURCE)
-        raise ComponentFailedError(trial.message, self._node.name, component)
+                self._node.machine.record_effective(tasks.interrupt_call(what, guarded.message), SOURCE)
+        raise ComponentFailedError(guarded.message, self._node.name, component)
 
-    def run(self, trial: Trial, function: Callable[[], T]) -> T:
-        """Call a function on trial, and return what it returned."""
+    def run(self, guarded: GuardedCall, function: Callable[[], T]) -> T:
+        """Call a function, guarded, and return what it returned."""
         machine = self._node.machine
         try:
-            machine.trial = trial
+            machine.guarded_call = guarded
             return function()
         finally:
-            machine.trial = None  # an interrupt that comes before this is raised here, and none after it
+            machine.guarded_call = None  # until here it may be interrupted, and not after it
 
     def keep(self, component: str, made: Sequence[Task]) -> None:
         """Remember tasks that a component's new code has made."""

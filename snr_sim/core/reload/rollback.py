@@ -21,7 +21,7 @@ from functools import partial, wraps
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import as_tasks, handler_name
 from snr_sim.core.loop import Loop
-from snr_sim.core.machine import Trial
+from snr_sim.core.machine import GuardedCall
 from snr_sim.core.reload.new_code_calls import origin_of
 from snr_sim.core.reload.reload import AnyComponent, ComponentManager
 from snr_sim.core.run_diagnostics import writers_of
@@ -153,7 +153,7 @@ class Probations:
                 node.handlers_changed()  # from the next task on it is called directly
                 return handler(task, task_id)
             try:
-                returned, scheduled = self._calls.on_trial(
+                returned, scheduled = self._calls.call_guarded(
                     what, name, lambda: as_tasks(handler(task, task_id), component, handler)
                 )
                 self._calls.keep(name, returned)
@@ -172,16 +172,16 @@ class Probations:
         def call(task: Task, task_id: TaskId) -> SomeTasks:
             if node.machine.now_s >= until_s:
                 node.handlers_changed()  # from the next task on it is called directly
-            trial = Trial(component.name)
+            guarded = GuardedCall(component.name)
             try:
-                returned = calls.run(trial, lambda: as_tasks(handler(task, task_id), component, handler))
+                returned = calls.run(guarded, lambda: as_tasks(handler(task, task_id), component, handler))
             except (Exception, SystemExit) as error:
                 failure = self._manager.life.report.failure_in_handler(component, task, error)
-                report = self._drop(task, trial.read, failure.message)
+                report = self._drop(task, guarded.read, failure.message)
                 if report is None:
                     raise
                 return report
-            return [*trial.scheduled, *returned]
+            return [*guarded.scheduled, *returned]
 
         return call
 
