@@ -21,6 +21,10 @@ MAX_MADE = 1000  # tasks of new code that are remembered
 T = TypeVar("T")
 
 
+class AbandonedCallError(ComponentFailedError):
+    """A call of new code was interrupted, now or in the recorded run: then a replay does not call it."""
+
+
 class NewCodeCalls:
     """Calls of one node's new code, and the tasks that it has made.
 
@@ -55,7 +59,7 @@ class NewCodeCalls:
             what: names the call, once per task; empty: an interrupt is not recorded.
 
         Raises:
-            ComponentFailedError: it was interrupted, now or in the recorded run: then it is not called.
+            AbandonedCallError: it was interrupted.
         """
         guarded = GuardedCall(component, is_interruptible=not self._node.is_replay)
         if what in self.interrupted:
@@ -72,7 +76,7 @@ class NewCodeCalls:
                     return returned, guarded.scheduled
             if what:
                 self._node.machine.record_effective(tasks.interrupt_call(what, guarded.message), SOURCE)
-        raise ComponentFailedError(guarded.message, self._node.name, component)
+        raise AbandonedCallError(guarded.message, self._node.name, component)
 
     def run(self, guarded: GuardedCall, function: Callable[[], T]) -> T:
         """Call a function, guarded, and return what it returned."""

@@ -26,7 +26,7 @@ from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.reload.new_code_calls import NewCodeCalls
+from snr_sim.core.reload.new_code_calls import AbandonedCallError, NewCodeCalls
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.core.source_location import describe_error
@@ -199,8 +199,8 @@ class _Reload:
         self._components = components
         self._module_reloads: dict[ModuleType, ModuleReload | BaseException] = {}
         self._users: dict[ModuleType, set[str]] = {}  # components whose new code is in a module, unless they failed
-        # By component: the classes and the state of its factory.
-        self._before: dict[str, tuple[Sequence[type[Any] | None], Snapshot]] = {}
+        # By component: the classes of its factory, and its state until the old component has left it.
+        self._before: dict[str, tuple[Sequence[type[Any] | None], Snapshot | None]] = {}
         self._failures: dict[str, list[str]] = {}  # by message: components that keep their old code
         self._sources: dict[str, str] = {}
         self._remarks: list[str] = []
@@ -286,15 +286,17 @@ class _Reload:
             return
         self._remarks += [failure.message for failure in manager.life.end_removed(old)]
         state = self._snapshot(old)  # with what the old one leaves in its factory
-        self._before[old.name] = self._before[old.name][0], state
+        self._before[old.name] = self._before[old.name][0], None
         manager.replace_component(old, new)
         self._old[old.name], self._new[old.name] = old, new
         self._undo.append(lambda: self._put_back(old, state))
         try:
             manager.calls.call(f"{new.name}.begin", new.name, lambda: manager.begin(new))
-        except (Exception, SystemExit):
+        except (Exception, SystemExit) as error:
             del self._old[old.name], self._new[old.name], self._undo[-1]
             manager.life.end_removed(new)
+            if isinstance(error, AbandonedCallError):
+                state.restore()  # a replay has not called it
             manager.replace_component(new, old)
             self._created.remove(new.name)
             self._keep(old)
@@ -319,7 +321,8 @@ class _Reload:
         if component.name in self._before:
             classes, state = self._before.pop(component.name)
             _set_classes(component.factory, classes)
-            state.restore()
+            if state is not None:
+                state.restore()
         for module, users in self._users.items():
             if component.name in users:
                 users.remove(component.name)

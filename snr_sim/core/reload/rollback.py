@@ -22,7 +22,7 @@ from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import as_tasks, handler_name
 from snr_sim.core.loop import Loop
 from snr_sim.core.machine import GuardedCall
-from snr_sim.core.reload.new_code_calls import origin_of
+from snr_sim.core.reload.new_code_calls import AbandonedCallError, origin_of
 from snr_sim.core.reload.reload import AnyComponent, ComponentManager
 from snr_sim.core.run_diagnostics import writers_of
 from snr_sim.prelude import tasks
@@ -113,7 +113,7 @@ class Probations:
     def _call_loop(self, loop: Loop) -> SomeTasks:
         try:
             return self._calls.call("", loop.name, loop.loop)
-        except ComponentFailedError:
+        except AbandonedCallError:
             self._node.inbox.drop(loop.name)  # there may be very many
             raise
 
