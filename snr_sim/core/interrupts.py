@@ -40,7 +40,10 @@ FINAL_ESCALATION = 3  # timer rings after the signal without a running component
 STUCK_S = 2.0
 FILES_S = 10.0  # the same while no component runs: the recording may be waiting for a slow disk
 HALT_S = 1.0  # for all halts together; a loop on a thread that hangs takes 0.5 s, one in a process 0.8 s
-MAX_ATTEMPTS = 4  # to interrupt new code; the last one interrupts library code that it calls, which may hold a lock
+# To interrupt new code. Only the last attempt interrupts library code that it calls, since that may hold a lock; each
+# has some signals, so that even a loop that prints is usually interrupted in its own line.
+MAX_ATTEMPTS = 4
+SIGNALS, SIGNAL_PERIOD_S = 20, 0.002
 WAKE_S = 0.1  # a handler runs at once, except during a long call into C code
 _NO_SIGNAL = b"\0"  # ends the thread: closing the pipe would not, while a forked child holds it
 _watched: list[int] = []  # file descriptors; a forked child must not write its signals to ours
@@ -153,7 +156,11 @@ def interrupt_new_code(node: NodeParts, message: str) -> bool:
         return False
     call.message = message
     call.attempts += 1
-    signal.pthread_kill(node.thread_id, signal.SIGVTALRM)
+    for _ in range(SIGNALS):
+        signal.pthread_kill(node.thread_id, signal.SIGVTALRM)
+        if node.machine.guarded_call is not call:
+            break
+        time.sleep(SIGNAL_PERIOD_S)
     return True
 
 

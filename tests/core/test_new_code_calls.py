@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, Task, TaskType, tasks
+from snr_sim.core import interrupts
 from snr_sim.core.interrupts import MAX_ATTEMPTS, graceful_shutdown, interrupt_new_code
 from snr_sim.core.reload.new_code_calls import MAX_MADE, NewCodeCalls
 from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
@@ -28,6 +29,7 @@ MOVED = 'self.factory.log.append("moved")'
 def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[FunctionEndpointFactory]:
     """Returns a component of a node; `sys.overdue()` interrupts its call of new code, or is false in other code."""
     nodes: list[Any] = []
+    monkeypatch.setattr(interrupts, "SIGNALS", 1)  # they are sent by the thread that gets them
 
     def begin(part: Any) -> None:
         nodes.append(part.parent)

@@ -10,6 +10,7 @@ from hypothesis import given, note
 
 from snr_sim import SimClock, SimRunner, SynchronousRunner
 from snr_sim.cli.replay import _replay
+from snr_sim.core import interrupts
 from snr_sim.core.output_recording import record_output
 from snr_sim.prelude.errors import SnrError
 from snr_sim.recording.reader import Trace, read_trace
@@ -137,8 +138,13 @@ config = Config(factories={{"r": [One.factory("one"), Two.factory("two"), Beat.f
     ],
 )
 def test_run_with_an_edit_that_is_interrupted_or_fails_others_replays_identically(
-    place: str, line: str, outcome: str, tmp_path_factory: pytest.TempPathFactory
+    place: str,
+    line: str,
+    outcome: str,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(interrupts, "SIGNALS", 1)  # they are sent by the thread that gets them
     folder = tmp_path_factory.mktemp("edited")
     (folder / "edited.txt").write_text(EDITED.replace(place, line))
     trace = check(Program(EDITED, 0, 1.0), folder)
