@@ -154,7 +154,11 @@ def blocked_s() -> float:
 
 def signal_handlers() -> dict[str, object]:
     """Return what this process does at signals that end it: a handler that one test leaves can end a later one."""
-    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGALRM", "SIGPROF") if hasattr(signal, name)]
+    numbers = [
+        getattr(signal, name)
+        for name in ("SIGINT", "SIGTERM", "SIGALRM", "SIGVTALRM", "SIGPROF")
+        if hasattr(signal, name)
+    ]
     handlers: dict[str, object] = {number.name: signal.getsignal(number) for number in numbers}
     for timer in ("ITIMER_REAL", "ITIMER_PROF"):
         if hasattr(signal, timer):

@@ -116,6 +116,13 @@ class Inbox:
             else:
                 self._selector_waiter.wake()
 
+    def drop(self, source: str) -> None:
+        """Drop the waiting tasks of one sender, on the node's thread."""
+        for _ in range(len(self.waiting)):
+            one = self.waiting.popleft()
+            if one[1] != source:
+                self.waiting.append(one)
+
     def fail(self, failure: SnrError) -> None:
         """Report a failure outside the node's thread; the first one is kept."""
         if self.failure is None:

@@ -12,6 +12,8 @@ Python runs signal handlers between bytecodes only. A signal that arrives after 
 call does not interrupt the call: `sleep(60)` would last its whole minute. So a thread reads every signal from
 `signal.set_wakeup_fd`, and sends it again if its handler has not run. Sending a pending signal twice has no further
 effect. After that the thread monitors the run.
+
+A live edit's code that does not return is interrupted, too, by SIGVTALRM from the watchdog: see `interrupt_new_code`.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from typing import Any
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.source_location import INTERRUPT_FIX, after_line, current_location
+from snr_sim.core.source_location import INTERRUPT_FIX, after_line, current_location, is_student_file
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 
@@ -38,6 +40,10 @@ FINAL_ESCALATION = 3  # timer rings after the signal without a running component
 STUCK_S = 2.0
 FILES_S = 10.0  # the same while no component runs: the recording may be waiting for a slow disk
 HALT_S = 1.0  # for all halts together; a loop on a thread that hangs takes 0.5 s, one in a process 0.8 s
+# To interrupt new code. Only the last attempt interrupts library code that it calls, since that may hold a lock; each
+# has some signals, so that even a loop that prints is usually interrupted in its own line.
+MAX_ATTEMPTS = 4
+SIGNALS, SIGNAL_PERIOD_S = 20, 0.002
 WAKE_S = 0.1  # a handler runs at once, except during a long call into C code
 _NO_SIGNAL = b"\0"  # ends the thread: closing the pipe would not, while a forked child holds it
 _watched: list[int] = []  # file descriptors; a forked child must not write its signals to ours
@@ -47,6 +53,10 @@ _entered: list[int] = []  # thread of each active `graceful_shutdown`: the main 
 
 class RunInterrupted(KeyboardInterrupt):
     """Interrupt raised inside code that does not return although the run is to end."""
+
+
+class CallInterrupted(BaseException):
+    """Interrupt raised inside a live edit's code that does not return; `except Exception` lets it pass."""
 
 
 @contextmanager
@@ -89,6 +99,15 @@ def graceful_shutdown(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
         if node.machine.running is not None:
             raise RunInterrupted(f"component '{node.machine.running.name}' did not return")
 
+    def on_overdue(number: int, frame: FrameType | None) -> None:
+        for node in nodes:
+            call = node.machine.guarded_call  # None if it has returned meanwhile
+            if call is None or call.attempts == 0:
+                continue
+            if call.attempts == MAX_ATTEMPTS or (frame is not None and is_student_file(frame.f_code.co_filename)):
+                call.is_interrupted = True
+                raise CallInterrupted
+
     last_resort = LastResort(nodes, threading.get_ident())
 
     def check(number: int) -> None:
@@ -96,7 +115,7 @@ def graceful_shutdown(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
 
     handlers: dict[int, Any] = {signal.SIGINT: on_signal, signal.SIGTERM: on_signal}
     if hasattr(signal, "SIGALRM"):
-        handlers[signal.SIGALRM] = on_timer
+        handlers |= {signal.SIGALRM: on_timer, signal.SIGVTALRM: on_overdue}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     _entered.append(threading.get_ident())
     try:
@@ -117,6 +136,32 @@ def interrupt_main_thread() -> None:
     """
     if _entered and hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 1e-6, GRACE_PERIOD_S)
+
+
+def interrupt_new_code(node: NodeParts, message: str) -> bool:
+    """Try to interrupt the call of new code that a node is in, from any thread; return whether there is one to try.
+
+    The signal's handler runs on the node's thread and raises only if that call has not returned yet, so nothing else
+    is interrupted. Python runs such handlers on the main thread alone: a node on another thread is not interrupted, nor
+    is any on Windows, nor C code that does not return to Python. Code that catches BaseException may continue.
+
+    Args:
+        node: the node.
+        message: what is reported of the call, after the student's line.
+    """
+    call = node.machine.guarded_call
+    if call is None or not call.is_interruptible or call.attempts == MAX_ATTEMPTS:
+        return False
+    if node.thread_id not in _entered or not hasattr(signal, "pthread_kill"):
+        return False
+    call.message = message
+    call.attempts += 1
+    for _ in range(SIGNALS):
+        signal.pthread_kill(node.thread_id, signal.SIGVTALRM)
+        if node.machine.guarded_call is not call:
+            break
+        time.sleep(SIGNAL_PERIOD_S)
+    return True
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from __future__ import annotations
 import sys
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
@@ -21,7 +22,7 @@ from snr_sim.core.inbox import Inbox
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.recorder import Handled, NodeRecorder, TaskRef
-from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.task import Page, Task, TaskType
 
 # At its end a run executes the queued tasks, and the tasks they return, this many generations deep: the last page is
 # stored and processed, and the resulting page is stored. A task that reschedules itself endlessly is cut off here.
@@ -30,6 +31,29 @@ DRAIN_GENERATIONS = 10
 MAX_DRAIN_S = 0.3
 BURST_TASKS = 1000  # inputs in the inbox at once that are counted, for the limit in core/lockstep.py
 _TERMINATE = TaskType.terminate
+
+
+@dataclass
+class GuardedCall:
+    """A call after which there may be a rollback: see `core/reload/rollback.py`.
+
+    Args:
+        component: the one whose code is called.
+        is_interruptible: whether it is interrupted if it does not return (`core/interrupts.py`).
+        message: of the failure that an interrupt is.
+        attempts: number of times it was to be interrupted.
+        is_interrupted: whether it was: its code may catch that.
+        scheduled: tasks that it has scheduled; they are not queued yet.
+        read: pages that it has looked up.
+    """
+
+    component: str
+    is_interruptible: bool = False
+    message: str = ""
+    attempts: int = 0
+    is_interrupted: bool = False
+    scheduled: list[Task] = field(default_factory=list)
+    read: list[Page] = field(default_factory=list)
 
 
 class HandlerError(Exception):
@@ -68,6 +92,8 @@ class EventMachine:
         self.running: Component | None = None  # the component whose code runs now
         self.task: Task | None = None  # the task whose handlers run now
         self.is_ended: bool = False
+        self.guarded_call: GuardedCall | None = None  # the present call, if it is guarded
+        self.on_input: Callable[[Task, str], None] | None = None  # called with each input, and its source
         self._latch = latch
         self._recorder = recorder
         self._scheduled: list[Task] = []  # by the running component of a recorded node, so far
@@ -238,7 +264,9 @@ class EventMachine:
 
     def schedule(self, tasks: Sequence[Task]) -> None:
         """Queue tasks of the running component, before those it will return; the recorder counts them as returned."""
-        if self._recorder is None:
+        if self.guarded_call is not None:
+            self.guarded_call.scheduled.extend(tasks)
+        elif self._recorder is None:
             self._queue_all(tasks)
         else:
             self._scheduled.extend(tasks)
@@ -253,12 +281,21 @@ class EventMachine:
         """Queue an input directly, as a replay does."""
         self._enqueue(task, source)
 
+    def record_effective(self, task: Task, source: str) -> None:
+        """Record an input that has taken effect within the running task, at that task's time; queue it all the same."""
+        if self._recorder is not None:
+            self._queue_task_refs((self._recorder.input(self.now_s, source, task),))
+
     def _enqueue(self, task: Task, source: str) -> None:
         if self._recorder is None:
+            if self.on_input is not None:
+                self.on_input(task, source)
             (self._urgent if task.type is _TERMINATE else self.queue).append(task)
             return
         if self._latch is not None:
             self.now_s = self._latch()
+        if self.on_input is not None:
+            self.on_input(task, source)
         self._queue_task_refs((self._recorder.input(self.now_s, source, task),))
 
     def _queue_handled(self, task_ref: Any, handled: list[Handled]) -> None:

@@ -252,6 +252,9 @@ class Node(NodeMembers):
         In a handler of `process_data` it is the page that the task carries, and the one before that.
         """
         newest = self.datastore.get(key)
+        guarded = self.machine.guarded_call
+        if guarded is not None and newest is not None and threading.get_ident() == self.thread_id:
+            guarded.read.append(newest)
         task = self.machine.task
         if task is None or task.type is not _PROCESS_DATA or not task.val_list:
             return newest
@@ -353,6 +356,7 @@ class NodeCore(Endpoint):
         super().__init__(EndpointFactory(), parent, CORE_NAME)
         self._node = parent
         manager = ComponentManager(life, self)
+        probations = Probations(manager)
         self.task_handlers = {
             TaskType.store_page: storage.store,
             TaskType.terminate: self.end_node,
@@ -360,7 +364,8 @@ class NodeCore(Endpoint):
             (TaskType.event, tasks.ADD_COMPONENT_TASK_NAME): manager.add_component,
             (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): manager.remove_component,
             (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): manager.remove_component,
-            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): Probations(manager).roll_back,
+            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): probations.roll_back,
+            (TaskType.event, tasks.INTERRUPT_TASK_NAME): probations.end_interrupt,
             (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
         }
 

@@ -28,6 +28,7 @@ class NodeLife:
         is_finished: whether the end of the run has begun: components are being halted, or have been.
         is_halting: whether it is too late for components to schedule tasks.
         handle_failure: handles the failure of a loop without ending the run if it can, and returns whether it did.
+        wrap_loop: returns what is called as a loop's `loop` on the node's thread; None: itself.
         blame_suspects: the same if others have caused a failure, so that what failed continues.
     """
 
@@ -40,6 +41,7 @@ class NodeLife:
         self.registry: ComponentRegistry = registry
         self.report: NodeReport = report
         self.handle_failure: Callable[[Loop, ComponentFailedError], bool] = lambda loop, failure: False
+        self.wrap_loop: Callable[[Loop], Callable[[], SomeTasks]] | None = None
         self.blame_suspects: Callable[[ComponentFailedError], bool] = lambda failure: False
         self._recorder = recorder
         self._begun: list[Component] = []
@@ -220,6 +222,8 @@ class NodeLife:
             self.node.machine.running = loop
             self.node.machine.now_s = self.node.clock.now_s()
         function = loop.setup if step == "setup" else loop.loop
+        if self.wrap_loop is not None and is_ours and step == "loop":
+            function = self.wrap_loop(loop)
         try:
             if self.node.profiler is not None:
                 returned = self.node.profiler.time(f"{loop.name}.{step}", function)

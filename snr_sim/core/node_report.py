@@ -47,6 +47,8 @@ class NodeReport:
     def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailedError:
         """Return an error in a component's handler of a task as a failure with a message."""
         name = component.name
+        if isinstance(error, ComponentFailedError) and (error.node, error.component) == (self._name, name):
+            return error
         called = [entry for entry in self._machine.lookup.find(task) if entry[0] is component]
         labels = [f"{label[1]}(), " for _, _, _, label in called]
         begins = location_of(called[0][1]) if called else None  # a wrong return value: no line of the handler raised

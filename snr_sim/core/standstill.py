@@ -18,7 +18,7 @@ from types import FrameType
 from typing import Any, NamedTuple, Self
 
 from snr_sim.core.handlers import describe
-from snr_sim.core.interrupts import write_stderr
+from snr_sim.core.interrupts import interrupt_new_code, write_stderr
 from snr_sim.core.machine import EventMachine
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.source_location import SourceLocation, after_line, current_location, is_student_file
@@ -64,6 +64,11 @@ class CurrentCall(NamedTuple):
     task: Task | None = None
     executed: int = 0
     is_debugged: bool = False
+
+    @property
+    def name(self) -> str:
+        """The student's function, or file, as text; empty if none runs."""
+        return "the file" if self.function == "<module>" else f"{self.function}()" if self.function else ""
 
     @property
     def line(self) -> tuple[str, int] | None:
@@ -132,6 +137,8 @@ class Standstill:
         self.stalled_s += passed_s
         if self.stalled_s < (self._report_at_s if call.frame is not None else max(self._report_at_s, WITHOUT_LINE_S)):
             return None
+        if interrupt_new_code(self.node, f"{self._describe(call)}, and was interrupted.\n  Try: {_FIX}"):
+            return None
         self._report_at_s = self.stalled_s + REPORT_PERIOD_S
         if call.line is not None:
             self._reported_lines.add(call.line)
@@ -176,10 +183,11 @@ class Standstill:
         return after_line(call.location, f"{self._who(call)}{task} has not returned for {self.stalled_s:.0f} s {at}")
 
     def _who(self, call: CurrentCall) -> str:
-        function = f"{call.function}() of " if call.function else ""
         if self.running is None:  # then a plant or a scenario runs, which follow the clock
-            return f"{call.function}()" if call.function else "the run"
-        return f"{function}component '{self.running.name}'"
+            return call.name or "the run"
+        guarded = self.node.machine.guarded_call
+        name = self.running.name if guarded is None else guarded.component
+        return f"{call.name} of component '{name}'" if call.name else f"component '{name}'"
 
     def _slow(self, call: CurrentCall) -> str | None:
         """Return, once, a report on a line at which many checks find the run although it makes progress."""
@@ -237,9 +245,8 @@ class SlowStart:
         self._since_s = now_s if self._since_s is None else self._since_s
         if now_s - self._since_s >= self._report_after_s:
             self._report_after_s += REPORT_PERIOD_S
-            what = "the file" if call.function == "<module>" else f"{call.function}()"
             self._report(
-                f"{call.location}\n  {what} has not returned for {now_s - self._since_s:.0f} s, so the run cannot "
+                f"{call.location}\n  {call.name} has not returned for {now_s - self._since_s:.0f} s, so the run cannot "
                 f"begin.\n  Try: {_START_FIX}"
             )
 

@@ -33,6 +33,7 @@ class Mistake:
         then: words of a second command line; {run} is the run folder.
         is_before: whether it is reported before there is a run.
         elsewhere: the test that covers it, if it needs its own process, port or disk.
+        is_slow: whether it takes seconds.
     """
 
     number: int
@@ -43,6 +44,7 @@ class Mistake:
     then: tuple[str, ...] = ()
     is_before: bool = True
     elsewhere: str = ""
+    is_slow: bool = False
 
 
 def put(*changes: str) -> dict[str, Change]:
@@ -60,6 +62,30 @@ def put(*changes: str) -> dict[str, Change]:
 def holds(text: str) -> Change:
     """Return a change that writes a whole file."""
     return lambda before: text
+
+
+TRACKER = """\
+from snr_sim import Endpoint, handles
+
+
+class Tracker(Endpoint):
+    @handles("plan")
+    def on_plan(self, plan):
+        self.goal_m = plan["goal_m"]
+"""
+PLAN = 'self.store_data("plan", {"goal_m": 0.0})'
+
+
+def with_tracker(changes: dict[str, Change]) -> dict[str, Change]:
+    """Return changes of a controller which also stores a page for a component in another file."""
+    names = (
+        "[GentleFactory()]",
+        "[GentleFactory(), Tracker.factory()]",
+        "from snr_sim",
+        "from tracker import Tracker\nfrom snr_sim",
+    )
+    plan = put(RADAR, f"{RADAR}        {PLAN}\n", *names)["gentle.py"]
+    return {"tracker.py": holds(TRACKER), "gentle.py": lambda text: changes["gentle.py"](plan(text))}
 
 
 def in_flight(old: str, new: str) -> dict[str, Change]:
@@ -231,6 +257,10 @@ MISTAKES = [
       ])],
     Mistake(73, "a live edit that stores its own trigger without end", ("", "", "", "", ""), is_before=False,
             elsewhere="tests/core/test_rollback.py::test_new_code_with_tasks_without_end_leaves_its_place_to_the_old_code"),
+    Mistake(77, "a live edit that does not return", ("line 22: while True: pass", r"on_radar\(\) of component 'gentle'", "does its work once and returns", "has not returned for 2 s", "is a Loop's work"),
+            in_flight(COMMAND, "while True: pass"), words=WATCHED, is_before=False, is_slow=True),
+    Mistake(78, "a live edit that stores what another component fails on", (r"gentle.py, line \d+: .*gaol_m", r"on_plan\(\), component 'tracker'", "Its keys are: gaol_m", "KeyError: 'goal_m'", "did you mean 'gaol_m'"),
+            with_tracker(in_flight("goal_m", "gaol_m")), words=WATCHED, is_before=False),
     Mistake(74, "a live edit that stores a misspelt page", ("line 20: ", "'enigne'", "its actuators take: engine", "Nothing in this robot takes", "did you mean 'engine'"),
             in_flight('"engine"', '"enigne"'), words=WATCHED, is_before=False),
     Mistake(75, "a live edit that removes the handlers", (r"line \d+: |Endpoint 'gentle'", "'gentle'", "task_handlers", "no handlers", "set self.task_handlers"),

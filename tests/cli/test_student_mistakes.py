@@ -76,7 +76,11 @@ def points_of(mistake: Mistake, output: str) -> tuple[int, str]:
     return best, missing
 
 
-@pytest.mark.parametrize("mistake", TRIED, ids=lambda one: f"{one.number}_{one.what}")
+@pytest.mark.parametrize(
+    "mistake",
+    [pytest.param(one, marks=[pytest.mark.slow] * one.is_slow) for one in TRIED],
+    ids=[f"{one.number}_{one.what}" for one in TRIED],
+)
 def test_mistake_is_reported_with_line_and_fix(mistake: Mistake, snr: Snr, here: Path) -> None:
     output = output_of(mistake, snr, here)
     points, missing = points_of(mistake, output)
@@ -87,7 +91,10 @@ def test_mistake_is_reported_with_line_and_fix(mistake: Mistake, snr: Snr, here:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("new", ["return task", COMMAND.replace('"throttle"', '"throtle"')])
+@pytest.mark.parametrize(
+    "new",
+    ["return task", COMMAND.replace('"throttle"', '"throtle"'), "while True: pass", "__import__('time').sleep(600)"],
+)
 def test_edit_that_would_end_the_run_is_rolled_back_and_replays(snr: Snr, here: Path, new: str) -> None:
     (here / "gentle.py").write_text(in_flight(COMMAND, new)["gentle.py"](GENTLE))
     answer = snr(*WATCHED)

@@ -83,11 +83,12 @@ def run(
     steps: list[Callable[[], Any]],
     period_s: float = 1.0,
     until_s: float | None = None,
+    recorder: Any = None,
     **bounds: Any,
 ) -> tuple[Node, list[Any]]:
     """Run a node in virtual time; a step a second does something outside and return what it brings in."""
     clock = SimClock()
-    node = Node("r", Config(factories={"r": factories}, **bounds), clock=clock)
+    node = Node("r", Config(factories={"r": factories}, **bounds), clock=clock, recorder=recorder)
     seen: list[Any] = []
     for i, step in enumerate(steps, 1):
         clock.call_at(i * period_s, lambda step=step: node.enqueue_input(step(), "keyboard"))  # type: ignore[misc]

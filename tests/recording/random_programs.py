@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 KEYS = ("alpha", "beta", "gamma", "far")
 EVENTS = ("go", "stop", "turn")
-NAMES = ("one", "two", "three", "beat", "extra", "all", "nothing")
+NAMES = ("one", "two", "three", "beat", "worker", "extra", "all", "nothing")
 
 HEAD = """
 import msgspec
@@ -18,7 +18,8 @@ import numpy as np
 
 from pathlib import Path
 
-from snr_sim import Config, Endpoint, Loop, SimClock, TaskType, handles, page, tasks
+from snr_sim import Config, Endpoint, Loop, SimClock, TaskType, TimeoutLoopFactory, handles, page, tasks
+from snr_sim.core.interrupts import interrupt_new_code
 from snr_sim.links import LinkFaults, SocketsPair
 
 GAIN = 1
@@ -90,6 +91,8 @@ TABLES = (
 EDITS = (
     "edit('GAIN = 1', 'GAIN = {n}')",
     "edit('# spare', 'self.missing()')",
+    "edit('# first', 'hang(self)')",
+    "edit('# spare', 'self.store_data(\"alpha\", \"poison\")')",
     "edit('# spare', 'self.rng.random()')",
     "edit('GAIN = 1', 'GAIN =')",
     "edit('GAIN = 1', 'GAIN = 1 / 0')",
@@ -103,6 +106,12 @@ def size(value):
 
 def about(one):
     return [one.key, one.origin, one.created_at_s, one.process, size(one.data)] if one is not None else None
+
+
+def hang(component):
+    while interrupt_new_code(component.parent, "It has not returned."):
+        component.bump()
+        component.store_data("beta", "dropped")
 
 
 def edit(old, new):
@@ -127,7 +136,7 @@ def statements(draw: st.DrawFn, choices: tuple[str, ...], max_count: int = 4) ->
 
 
 def method(head: str, body: list[str], spends: bool = True) -> str:
-    lines = [f"    def {head}:", "        self.bump()", "        out = []"]
+    lines = [f"    def {head}:", "        # first", "        self.bump()", "        out = []"]
     if spends:
         lines += ["        if not self.spend():", "            return None"]
     lines += [f"        {line}" for line in body]
@@ -142,7 +151,8 @@ def endpoint(draw: st.DrawFn, name: str, choices: tuple[str, ...]) -> str:
     if draw(st.booleans()):
         parts.append(method("begin(self)", draw(statements(HARMLESS, 2))))
     parts.append(f'    @handles("{key}")')
-    parts.append(method("on_page(self, data, task=None)", draw(statements(choices))))
+    fails = ["type(data) is str and data == 'poison' and 1 / 0"] if draw(st.booleans()) else []
+    parts.append(method("on_page(self, data, task=None)", fails + draw(statements(choices))))
     parts.append(f'    @handles(event="{event}")')
     parts.append(method("on_event(self, task)", draw(statements(choices))))
     parts.append(method("other(self, task, task_id)", draw(statements(choices, 2))))
@@ -152,12 +162,13 @@ def endpoint(draw: st.DrawFn, name: str, choices: tuple[str, ...]) -> str:
 
 
 @st.composite
-def loop(draw: st.DrawFn, name: str, choices: tuple[str, ...]) -> str:
+def loop(draw: st.DrawFn, name: str, choices: tuple[str, ...], executor: str = "thread") -> str:
     rate = draw(st.sampled_from([0.5, 1.0, 3.0, 7.0, 10.0]))
     wakes = draw(st.sampled_from(["()", "('alpha',)", "('far', 'beta')"]))
     body = draw(statements(choices, 5))
     body = [f"if self.count % {draw(st.integers(1, 4))} == 0: {line}" for line in body]
     head = [f"class {name}(Parts, Loop):", f"    max_tick_rate_hz = {rate}", f"    wakes_on = {wakes}"]
+    head.append(f"    executor = {executor!r}")
     if draw(st.booleans()):
         head.append(method("setup(self)", ["out.append(self.store_data_task('alpha', 0))"], spends=False))
     return "\n".join([*head, method("loop(self)", body)])
@@ -165,11 +176,12 @@ def loop(draw: st.DrawFn, name: str, choices: tuple[str, ...]) -> str:
 
 @dataclass
 class Program:
-    """The text of a program and how to run it."""
+    """The text of a program and how to run it; on the wall clock it ends by itself."""
 
     text: str
     seed: int
     until_s: float
+    is_in_lock_step: bool = True
 
 
 @st.composite
@@ -203,3 +215,18 @@ def programs(draw: st.DrawFn) -> Program:
     config = ", ".join(f"'{role}': [{', '.join(made)}]" for role, made in zip(roles, factories, strict=True))
     text = f"{HEAD}\n{HELPERS}\n" + "\n\n".join(classes) + f"\n\n{link}config = Config(factories={{{config}}})\n"
     return Program(text, draw(st.integers(0, 5)), draw(st.sampled_from([1.0, 3.0, 6.0])))
+
+
+@st.composite
+def programs_with_processes(draw: st.DrawFn) -> Program:
+    """Draw a program of one role on the wall clock, with a loop on a thread and one in a process."""
+    choices = HARMLESS + TABLES + draw(st.sampled_from([(), CHANGES[:6]]))
+    classes = [draw(endpoint(name, choices)) for name in ("One", "Two", "Extra")]
+    classes += [draw(loop("Beat", HARMLESS[:6] + RELOADS)), draw(loop("More", HARMLESS))]
+    classes.append(draw(loop("Worker", HARMLESS, "process")))
+    made = ["One.factory('one')", "Two.factory('two')", "Beat.factory('beat')", "Worker.factory('worker')"]
+    until_s = draw(st.sampled_from([0.7, 1.5]))  # a process takes most of that to start
+    made.append(f"TimeoutLoopFactory(seconds={until_s})")
+    config = f"config = Config(factories={{'r': [{', '.join(made)}]}})"
+    text = "\n\n".join([HEAD, HELPERS, *classes, config])
+    return Program(text + "\n", draw(st.integers(0, 5)), until_s, is_in_lock_step=False)

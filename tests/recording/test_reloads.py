@@ -94,11 +94,11 @@ if __name__ == "__main__":
 """
 
 
-def record(folder: Path, *words: str) -> Trace:
-    """Run the program as a script, as a student does."""
-    (folder / "robot.py").write_text(PROGRAM)
+def record(folder: Path, clock: str, program: str = PROGRAM) -> Trace:
+    """Run a program as a script, as a student does."""
+    (folder / "robot.py").write_text(program)
     done = subprocess.run(
-        [sys.executable, "robot.py", *words], cwd=folder, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "robot.py", clock], cwd=folder, capture_output=True, text=True, timeout=60, check=True
     )
     return read_trace(folder / done.stdout.strip() / FILE_NAME)
 
@@ -223,6 +223,27 @@ def test_rollback_of_handler_and_of_loop_replays_identically_and_with_check(tmp_
     assert replayed.stdout.startswith("identical: "), replayed.stdout + replayed.stderr
     changed = snr(tmp_path, "replay", trace.path.parent, "--with", "robot.py")
     assert changed.returncode == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("clock", ["sim", "wall"])
+def test_rollback_of_code_that_does_not_return_replays_identically(tmp_path: Path, clock: str) -> None:
+    script = PROGRAM.partition("SCRIPT = {\n")[2].partition("}\n")[0]
+    program = PROGRAM.replace(script, "".join(script.splitlines(True)[:2]) + "300: lambda: tasks.terminate('done')\n")
+    count, ticks = "        self.count += 1\n", "        self.factory.ticks += 1\n"
+    hangs = program.replace(count, f"{count}        while True: pass\n")
+    if clock == "sim":  # on the wall clock a loop has a thread of its own, which does not block the node
+        hangs = hangs.replace(ticks, f"{ticks}        while True: pass\n")
+    (tmp_path / "edit.py").write_text(hangs)
+    trace = record(tmp_path, clock, program)
+    rolled_back = [page["message"] for page in pages(trace, "reload") if "which was rolled back" in page["message"]]
+    assert len(rolled_back) == (2 if clock == "sim" else 1)
+    assert all("line 26: while True: pass\n  on_tick() of component 'pilot'" in one for one in rolled_back[:1])
+    counts = [count for _, count in pages(trace, "pilot thrust")]
+    assert counts == list(range(1, len(counts) + 1))
+    assert len(counts) > 100
+    replayed = snr(tmp_path, "replay", trace.path.parent, "--check")
+    assert replayed.stdout.startswith("identical: "), replayed.stdout + replayed.stderr
 
 
 def snr(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:

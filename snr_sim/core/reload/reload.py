@@ -26,6 +26,7 @@ from snr_sim.core.factory import ComponentFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.reload.new_code_calls import AbandonedCallError, NewCodeCalls
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.core.source_location import describe_error
@@ -53,6 +54,7 @@ class ComponentManager:
         self._core = core
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None
+        self.calls: NewCodeCalls = NewCodeCalls(self.node)
         self.replace_component: Callable[[Component | None, Component | None], None] = life.registry.replace_component
         self._has_loops = not self.node.is_replay
 
@@ -197,8 +199,8 @@ class _Reload:
         self._components = components
         self._module_reloads: dict[ModuleType, ModuleReload | BaseException] = {}
         self._users: dict[ModuleType, set[str]] = {}  # components whose new code is in a module, unless they failed
-        # By component: the classes and the state of its factory.
-        self._before: dict[str, tuple[Sequence[type[Any] | None], dict[str, Any]]] = {}
+        # By component: the classes of its factory, and its state until the old component has left it.
+        self._before: dict[str, tuple[Sequence[type[Any] | None], Snapshot | None]] = {}
         self._failures: dict[str, list[str]] = {}  # by message: components that keep their old code
         self._sources: dict[str, str] = {}
         self._remarks: list[str] = []
@@ -248,11 +250,11 @@ class _Reload:
 
     def _make(self, old: AnyComponent, modules: Sequence[ModuleType]) -> AnyComponent:
         for module in modules:
-            self._read(module)
-        factory = old.factory
-        self._before[old.name] = _classes(factory), dict(vars(factory))
+            self._read(module, old.name)
+        factory, manager = old.factory, self._manager
+        self._before[old.name] = _classes(factory), self._snapshot(old)
         _set_classes(factory, [kind and _newest(kind, modules) for kind in _classes(factory)])
-        new = self._manager.life.registry.make(factory)
+        new = manager.calls.call(f"{old.name}.__init__", old.name, lambda: manager.life.registry.make(factory))
         if new.name != old.name:
             raise ConfigError(
                 f"{type(factory).__name__}.get() now makes a component '{new.name}' in the place of '{old.name}'.",
@@ -260,13 +262,16 @@ class _Reload:
             )
         return new
 
-    def _read(self, module: ModuleType) -> None:
+    def _snapshot(self, component: AnyComponent) -> Snapshot:
+        return Snapshot(component.factory, [module.__name__ for module in self._module_reloads])
+
+    def _read(self, module: ModuleType, reader: str) -> None:
         """Read a module again, once per reload. Raises the error of reading it, also in later calls."""
         if module not in self._module_reloads:
             try:
                 module_reload = self._module_reloads[module] = ModuleReload(module)
                 self._sources[module_reload.name] = module_reload.sha256
-                module_reload.execute()
+                self._manager.calls.call(module_reload.name, reader, module_reload.execute)
             except (Exception, SystemExit) as error:
                 self._module_reloads[module] = error
         module_reload_or_error = self._module_reloads[module]
@@ -279,17 +284,19 @@ class _Reload:
         if not (manager.life.has_begun(old) or manager.is_absent(old)):
             manager.replace_component(old, new)
             return
-        self._before[old.name] = self._before[old.name][0], {}  # keep what the old one leaves in its factory
         self._remarks += [failure.message for failure in manager.life.end_removed(old)]
-        state = Snapshot(old.factory, [module.__name__ for module in self._module_reloads])
+        state = self._snapshot(old)  # with what the old one leaves in its factory
+        self._before[old.name] = self._before[old.name][0], None
         manager.replace_component(old, new)
         self._old[old.name], self._new[old.name] = old, new
         self._undo.append(lambda: self._put_back(old, state))
         try:
-            manager.begin(new)
-        except (Exception, SystemExit):
+            manager.calls.call(f"{new.name}.begin", new.name, lambda: manager.begin(new))
+        except (Exception, SystemExit) as error:
             del self._old[old.name], self._new[old.name], self._undo[-1]
             manager.life.end_removed(new)
+            if isinstance(error, AbandonedCallError):
+                state.restore()  # a replay has not called it
             manager.replace_component(new, old)
             self._created.remove(new.name)
             self._keep(old)
@@ -314,7 +321,8 @@ class _Reload:
         if component.name in self._before:
             classes, state = self._before.pop(component.name)
             _set_classes(component.factory, classes)
-            vars(component.factory).update(state)
+            if state is not None:
+                state.restore()
         for module, users in self._users.items():
             if component.name in users:
                 users.remove(component.name)

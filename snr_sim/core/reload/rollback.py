@@ -1,8 +1,12 @@
 """New code on probation: if a reloaded component fails in its first calls, the reload is rolled back.
 
     a handler, called through `Probations.wrap_handler` --> raises -----> rolled back, and the old one handles the task
+    a handler of another component, on a task or page that new code has made --> raises --> rolled back, task dropped
     a loop that failed --> `Probations.handle_failure` --> task roll_back, an input --> rolled back
     a loop that failed on a page that new code stored, or tasks without end --> `Probations.blame_suspects` --> the same
+
+New code that does not return is interrupted, which counts as raising (`new_code_calls.py`). What a call has scheduled
+before it raises is dropped.
 
 The old components begin again with their old code, and their factories have their state from before the reload. All of
 this runs on the node's thread, between two calls, and depends only on tasks and their times: so a replay does the same.
@@ -10,17 +14,21 @@ this runs on the node's thread, between two calls, and depends only on tasks and
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import wraps
+from functools import partial, wraps
 
-from snr_sim.core.handlers import as_tasks
+from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.handlers import as_tasks, handler_name
 from snr_sim.core.loop import Loop
+from snr_sim.core.machine import GuardedCall
+from snr_sim.core.reload.new_code_calls import AbandonedCallError, origin_of
 from snr_sim.core.reload.reload import AnyComponent, ComponentManager
+from snr_sim.core.run_diagnostics import writers_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId, TaskType
+from snr_sim.prelude.task import Page, SomeTasks, Task, TaskHandler, TaskId, TaskType
 
 # New code is on probation until this node time has passed and its component's handlers have been called this often. A
 # loop is on probation for the time only, since a replay does not know its calls.
@@ -66,6 +74,9 @@ class Probations:
         self._probations: list[Probation] = []
         self._reloads = 0
         self._undone_s: dict[str, float] = {}  # by component: node time of its newest rollback
+        self._calls = manager.calls
+        if self._node.is_replay:
+            self._node.machine.on_input = self.on_input
         manager.put_on_probation, manager.life.handle_failure = self.begin, self.handle_failure
         manager.life.blame_suspects = self.blame_suspects
 
@@ -79,13 +90,59 @@ class Probations:
         del self._probations[:passed]  # a rollback stops at code that has passed
         self._probations.append(Probation(self._reloads, now_s, old, new, undo))
         self._node.machine.lookup.wrap_handler = self.wrap_handler
+        self._node.machine.on_input = self.on_input
+        self._manager.life.wrap_loop = self.wrap_loop
+
+    def on_input(self, task: Task, source: str) -> None:
+        """Remember a page that a loop on probation brings; in a replay also an interrupt."""
+        if self._node.is_replay:
+            self._calls.on_input(task, source)
+        probation = self._find(source)
+        if probation is not None and isinstance(probation.new[source], Loop):
+            self._calls.keep(source, [task])
+
+    def wrap_loop(self, loop: Loop) -> Callable[[], SomeTasks]:
+        """Return what is called as a loop's `loop` in lock step; on probation it is interrupted if it does not return.
+
+        A replay has no loops, so its interrupt is not recorded: it is a failure, which `handle_failure` records.
+        """
+        probation = self._probation_of(loop)
+        is_on = probation is not None and probation.is_on(loop.name, self._node.machine.now_s)
+        return partial(self._call_loop, loop) if is_on else loop.loop
+
+    def _call_loop(self, loop: Loop) -> SomeTasks:
+        try:
+            return self._calls.call("", loop.name, loop.loop)
+        except AbandonedCallError:
+            self._node.inbox.drop(loop.name)  # there may be very many
+            raise
 
     def wrap_handler(self, component: Component, handler: TaskHandler) -> TaskHandler:
-        """Return a wrapper of a handler that catches failures while its component is on probation."""
+        """Return a wrapper of a handler that catches failures which new code on probation causes."""
         probation = self._probation_of(component)
+        if probation is not None and probation.is_on(component.name, self._node.machine.now_s):
+            return self._wrap_new(probation, component, handler)
+        until_s = self._guarded_until_s()
+        # Only what a replay has, too: neither the node's own endpoint, to which links listen, nor a console.
+        is_replayed = isinstance(component, Endpoint) and component.is_robot_component
+        if is_replayed and self._node.machine.now_s < until_s:
+            return self._wrap_other(component, handler, until_s)
+        return handler
+
+    def _guarded_until_s(self) -> float:
+        """Return the node time until which other components may fail on tasks of new code, as known now."""
+        now_s = self._node.machine.now_s
+        left = [(one, component) for one in self._probations for component in one.new.values()]
+        ends_s = [
+            one.began_s + PROBATION_S if isinstance(component, Loop) else float("inf")
+            for one, component in left
+            if one.is_on(component.name, now_s)
+        ]
+        return max([*ends_s, *(undone_s + PROBATION_S for undone_s in self._undone_s.values())], default=-float("inf"))
+
+    def _wrap_new(self, probation: Probation, component: Component, handler: TaskHandler) -> TaskHandler:
         name, node = component.name, self._node
-        if probation is None or not probation.is_on(name, node.machine.now_s):
-            return handler
+        what = f"{name}.{handler_name(handler)}"
 
         @wraps(handler)
         def call(task: Task, task_id: TaskId) -> SomeTasks:
@@ -96,13 +153,57 @@ class Probations:
                 node.handlers_changed()  # from the next task on it is called directly
                 return handler(task, task_id)
             try:
-                return as_tasks(handler(task, task_id), component, handler)
+                returned, scheduled = self._calls.call_guarded(
+                    what, name, lambda: as_tasks(handler(task, task_id), component, handler)
+                )
+                self._calls.keep(name, returned)
+                return [*scheduled, *returned]
             except (Exception, SystemExit) as error:
                 failure = self._manager.life.report.failure_in_handler(component, task, error)
             report = self._roll_back(probation, name, failure.message)
             return [report, *as_tasks(self._call_old_handler(name, task), component, handler)]
 
         return call
+
+    def _wrap_other(self, component: Component, handler: TaskHandler, until_s: float) -> TaskHandler:
+        node, calls = self._node, self._calls
+
+        @wraps(handler)
+        def call(task: Task, task_id: TaskId) -> SomeTasks:
+            if node.machine.now_s >= until_s:
+                node.handlers_changed()  # from the next task on it is called directly
+            guarded = GuardedCall(component.name)
+            try:
+                returned = calls.run(guarded, lambda: as_tasks(handler(task, task_id), component, handler))
+            except (Exception, SystemExit) as error:
+                failure = self._manager.life.report.failure_in_handler(component, task, error)
+                report = self._drop(task, guarded.read, failure.message)
+                if report is None:
+                    raise
+                return report
+            return [*guarded.scheduled, *returned]
+
+        return call
+
+    def _drop(self, task: Task, read: Sequence[Page], message: str) -> Task | None:
+        """Return the report on a task on which another component has failed; None if new code is not the cause.
+
+        It is if it has made that task, or else a page that was read.
+        """
+        what, _, fix = message.partition("\n  Try: ")
+        for one in (origin_of(task), *read):
+            made = f"page '{one.key}'" if isinstance(one, Page) else f"event '{one.name}'"
+            _, late = self._calls.late.get(id(one), (None, ""))
+            if late:
+                text = f"{what}\n  '{late}' has made {made} before it was rolled back, so this task is dropped."
+                return self._manager.report(TaskType.reload.value, late, False, f"{text}\n  Try: {fix}")
+            _, maker = self._calls.made.get(id(one), (None, ""))
+            probation = self._find(maker)
+            if probation is not None:
+                key = one.key if isinstance(one, Page) else one.name
+                lines = "".join(f"{one.location}\n  " for one in writers_of(key, [probation.new[maker]])[:1])
+                return self._roll_back(probation, maker, lines + message, f"'{maker}' has made {made}, ")
+        return None
 
     def handle_failure(self, loop: Loop, failure: ComponentFailedError) -> bool:
         """Start a rollback if a loop failed on probation, on any thread; return whether it did."""
@@ -121,8 +222,8 @@ class Probations:
         for name in failure.suspects:
             if failure.stored_at_s <= self._undone_s.get(name, float("-inf")):
                 return True  # the page was in the queue when the component was rolled back
-            probation = next((one for one in reversed(self._probations) if name in one.new), None)
-            if probation is not None and probation.is_on(name, now_s):
+            probation = self._find(name, now_s)
+            if probation is not None:
                 self._node.enqueue_input(tasks.roll_back(name, probation.number, failure.message), name)
                 return True
         return False
@@ -139,7 +240,20 @@ class Probations:
     def _probation_of(self, component: Component) -> Probation | None:
         return next((one for one in self._probations if one.new.get(component.name) is component), None)
 
-    def _roll_back(self, failed: Probation, name: str, message: str) -> Task:
+    def end_interrupt(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Handle an interrupt in its turn: it has taken effect in the task before which it was recorded."""
+        match task.val_list:
+            case [str(what), _]:
+                self._calls.interrupted.pop(what, None)  # not yet abandoned: in a replay with other code
+        return None
+
+    def _find(self, name: str, now_s: float | None = None) -> Probation | None:
+        """Return the newest reload of a component that is on probation, now if no node time is given."""
+        now_s = self._node.machine.now_s if now_s is None else now_s
+        probation = next((one for one in reversed(self._probations) if name in one.new), None)
+        return probation if probation is not None and probation.is_on(name, now_s) else None
+
+    def _roll_back(self, failed: Probation, name: str, message: str, subject: str = "") -> Task:
         """Restore the newest code of a component that has passed its probation, or else the first."""
         first = next(index for index, one in enumerate(self._probations) if name in one.new)
         undone = self._probations[first:]
@@ -153,6 +267,7 @@ class Probations:
             old |= probation.old
             new = probation.new | new
         self._undone_s[name] = self._node.machine.now_s
+        self._calls.roll_back(new)
         del self._probations[first:]  # not before: until it is removed, a loop may fail on its thread
         there = self._manager.all()
         back = [one for one in there if new.get(one) is there[one]]  # the others have been removed since
@@ -161,7 +276,7 @@ class Probations:
             remarks += self._manager.begin_again(old[one])
         after_s = self._node.machine.now_s - failed.began_s
         what, _, fix = message.partition("\n  Try: ")
-        words = f"{after_s:.3f} s after its reload, which was rolled back: {', '.join(back)} as before it."
+        words = f"{subject}{after_s:.3f} s after its reload, which was rolled back: {', '.join(back)} as before it."
         fix = fix or "correct this line and save the file again."
         lines = "\n  ".join([what, words, *remarks, f"Try: {fix}"])
         return self._manager.report(TaskType.reload.value, name, False, lines)

@@ -1,0 +1,107 @@
+"""Guarded calls of new code: what a call schedules is queued only if it returns; one that does not is interrupted.
+
+An interrupt depends on the wall clock, so it is an input: event `interrupt_call` (which call, why), recorded before the
+task in which it was. A replay gets it before that task, and abandons the call in the same place without executing it.
+So what the call had changed outside of its component and its factory, which are put back, stays in the run only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, TypeVar
+
+from snr_sim.core.machine import GuardedCall
+from snr_sim.core.node_parts import NodeParts
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.task import Page, Task
+
+SOURCE = "watchdog"  # of the interrupts
+MAX_MADE = 1000  # tasks of new code that are remembered
+T = TypeVar("T")
+
+
+class AbandonedCallError(ComponentFailedError):
+    """A call of new code was interrupted, now or in the recorded run: then a replay does not call it."""
+
+
+class NewCodeCalls:
+    """Calls of one node's new code, and the tasks that it has made.
+
+    Attributes:
+        made: by the id of their page, or their own: that object, to keep it alive, and the name of the component.
+        late: the same of code that has been rolled back since.
+        interrupted: by call: what the recording says of those to come, in a replay.
+    """
+
+    def __init__(self, node: NodeParts) -> None:
+        self.made: dict[int, tuple[object, str]] = {}
+        self.late: dict[int, tuple[object, str]] = {}
+        self.interrupted: dict[str, str] = {}
+        self._node = node
+
+    def on_input(self, task: Task, source: str) -> None:
+        """Remember an interrupt that a replay brings."""
+        match task.val_list:
+            case [str(what), str(message)] if (source, task.name) == (SOURCE, tasks.INTERRUPT_TASK_NAME):
+                self.interrupted[what] = message
+
+    def call(self, what: str, component: str, function: Callable[[], T]) -> T:
+        """Call new code of a component, and queue the tasks that it has scheduled; else as `call_guarded`."""
+        returned, scheduled = self.call_guarded(what, component, function)
+        self._node.machine.schedule(scheduled)
+        return returned
+
+    def call_guarded(self, what: str, component: str, function: Callable[[], T]) -> tuple[T, list[Task]]:
+        """Call new code of a component; return what it returned, and the tasks that it has scheduled.
+
+        Args:
+            what: names the call, once per task; empty: an interrupt is not recorded.
+
+        Raises:
+            AbandonedCallError: it was interrupted.
+        """
+        guarded = GuardedCall(component, is_interruptible=not self._node.is_replay)
+        if what in self.interrupted:
+            guarded.message = self.interrupted.pop(what)
+        else:
+            try:
+                returned = self.run(guarded, function)
+            except BaseException as error:
+                if not guarded.is_interrupted or isinstance(error, KeyboardInterrupt):
+                    raise
+            else:
+                if not guarded.is_interrupted:  # its code has not caught an interrupt
+                    self.keep(component, guarded.scheduled)
+                    return returned, guarded.scheduled
+            if what:
+                self._node.machine.record_effective(tasks.interrupt_call(what, guarded.message), SOURCE)
+        raise AbandonedCallError(guarded.message, self._node.name, component)
+
+    def run(self, guarded: GuardedCall, function: Callable[[], T]) -> T:
+        """Call a function, guarded, and return what it returned."""
+        machine = self._node.machine
+        try:
+            machine.guarded_call = guarded
+            return function()
+        finally:
+            machine.guarded_call = None  # until here it may be interrupted, and not after it
+
+    def keep(self, component: str, made: Sequence[Task]) -> None:
+        """Remember tasks that a component's new code has made."""
+        for task in made:
+            one: Any = origin_of(task)
+            self.made[id(one)] = one, component
+        while len(self.made) > MAX_MADE:
+            del self.made[next(iter(self.made))]
+
+    def roll_back(self, components: Collection[str]) -> None:
+        """Count the tasks that these components' new code has made as late."""
+        late = {key: one for key, one in self.made.items() if one[1] in components}
+        self.made = {key: one for key, one in self.made.items() if key not in late}
+        self.late = dict([*self.late.items(), *late.items()][-MAX_MADE:])
+
+
+def origin_of(task: Task) -> Page | Task:
+    """Return what stays the same from where a task is made to its handlers: its page, if it has one."""
+    return task.page or task
