@@ -8,7 +8,10 @@ Run by `snr bench lander`.
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -204,6 +207,22 @@ def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
             ratio_limit=limit,
             note=note,
         )
+    yield Row(
+        "lander_pad with trace, beside without",
+        1e3 * found.shortest_s[2] / sim_s,
+        "ms/sim s",
+        baseline=1e3 * found.shortest_s[1] / sim_s,
+        compared_to="lander_pad in lock step",
+        ratio=found.ratios[2] / found.ratios[1],
+        ratio_limit=1.6,
+    )
+    yield Row(
+        "snr run lander_pad, from the start of its process to the end",
+        min(wall_time_of_run_s(folder) for _ in range(rounds)),
+        "s",
+        limit=0.45,
+        note=f"wall time, the least of {rounds}",
+    )
     truly_s = flight.bare(pad_tick_without_devices)().time_s
     true: Benchmark = lambda: flight.bare(pad_tick_without_devices)  # noqa: E731
     found = compare(true, *(benchmark for _, _, benchmark, _ in subjects[:2]), rounds=rounds)
@@ -217,6 +236,14 @@ def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
             ratio=found.ratios[i] * truly_s / sim_s,
             note="per simulated second: without noise it is not the same flight",
         )
+
+
+def wall_time_of_run_s(folder: Path) -> float:
+    """Return the wall time of `snr run lander_pad`."""
+    command = [sys.executable, "-m", "snr_sim", "run", "lander_pad", "--json", "--out", str(folder / "runs")]
+    begun_s = time.perf_counter()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - begun_s
 
 
 def measure_vertical(folder: Path, rounds: int) -> Iterator[Row]:

@@ -199,3 +199,12 @@ def dives(rounds: int) -> Iterator[Row]:
             ratio=found.ratios[i],
             note=f"{DIVE}, of {DIVE_S:g} s, counted for 60",
         )
+    yield Row(
+        "urov, 60 s of a dive with the trace, beside without",
+        60.0 / DIVE_S * found.shortest_s[2],
+        "s",
+        baseline=60.0 / DIVE_S * found.shortest_s[1],
+        compared_to="the same dive without the trace",
+        ratio=found.ratios[2] / found.ratios[1],
+        ratio_limit=1.35,
+    )
