@@ -30,6 +30,7 @@ import numpy as np
 
 from snr_sim import Page
 from snr_sim.behaviors.language import parse as parse_lrp
+from snr_sim.behaviors.reader import MAX_CHARACTERS
 from snr_sim.cli.trace import trace as snr_trace
 from snr_sim.console.commands import TABLE
 from snr_sim.console.parsing import parse as parse_command
@@ -353,7 +354,7 @@ def parsers(traces: dict[str, bytes]) -> dict[str, Parser]:
         "answer": Parser(
             protocol.decode_response, [b'{"n":7,"value":[1500,1550],"cpu_s":0.1}'], (SnrError, SubmissionError)
         ),
-        "lrp": Parser(_lrp, lrp, weight=3.0, max_cpu_s=0.2),
+        "lrp": Parser(_lrp, lrp, weight=3.0, max_bytes=MAX_CHARACTERS, max_cpu_s=0.2, min_memory_bytes=8 << 20),
         "policy": Parser(in_file("q.npz", QTable.load), [_table_seed()]),
         "sources": Parser(
             in_file("sources/files.jsonl", lambda path: read_kept_files(path.parent.parent)),

@@ -8,6 +8,7 @@ guards a robot against mistakes, and a node against text from an unknown client;
 from __future__ import annotations
 
 import ast
+import re
 import warnings
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field, replace
@@ -30,6 +31,7 @@ from snr_sim.behaviors.bridge import READ_FUNCTIONS
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
 Actions: TypeAlias = tuple[tuple[str, Callable[..., Any]], ...]
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,21 +75,31 @@ class Scope:
     parts: Mapping[str, frozenset[str]] | None
     actions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
 
+    def of(self, text: str) -> Scope:
+        """Return what a text names of it, in one order: other names then make no other block of the text."""
+        if not text.isascii():  # Python takes some other letters for those of ASCII
+            return self
+        named = sorted(set(_NAME.findall(text)))
+        variables = {name: self.variables[name] for name in named if name in self.variables}
+        definitions = {name: self.definitions[name] for name in named if name in self.definitions}
+        return Scope(variables, definitions, self.parts, self.actions)
+
 
 def compile_block(text: str, place: Place, kind: Kind, scope: Scope) -> tuple[Block | None, list[Problem]]:
     """Return a block, and what is wrong with it or doubtful; None with an error."""
-    block, found = _compile(
-        text,
-        place.column,
-        kind,
-        tuple(sorted(scope.variables.items())),
-        tuple(scope.definitions.items()),
-        None if scope.parts is None else tuple((name, tuple(sorted(one))) for name, one in sorted(scope.parts.items())),
-        tuple(scope.actions.items()),
+    parts = (
+        None if scope.parts is None else tuple((name, tuple(sorted(one))) for name, one in sorted(scope.parts.items()))
     )
+    at = place.column if "\n" in text else 1  # its lines are aligned with the first one
+    shift = place.column - at
+    for seen in (scope.of(text), scope):  # all that it may name is needed to suggest a name
+        variables, definitions = tuple(sorted(seen.variables.items())), tuple(seen.definitions.items())
+        block, found = _compile(text, at, kind, variables, definitions, parts, tuple(scope.actions.items()))
+        if block is not None:
+            break
     problems = [
-        Problem(Place(place.line + line, column, place.line + end_line, end_column), message, fix, is_error)
-        for line, column, end_line, end_column, message, fix, is_error in found
+        Problem(Place(place.line + line, shift + column, place.line + end_line, shift + end), message, fix, is_error)
+        for line, column, end_line, end, message, fix, is_error in found
     ]
     if block is None:
         return None, problems

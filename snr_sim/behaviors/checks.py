@@ -9,6 +9,7 @@ from snr_sim.behaviors.program import ANY, MachineDef, Problem, Spawn, StateDef
 from snr_sim.prelude.errors import suggest
 
 MAX_STATES = 10_000  # of a program, in all places of its machines
+MAX_TRANSITIONS = 50_000  # that leave these states; one of `*` leaves each
 MAX_LEVELS = 100  # of machines in states of machines
 _FIXES = {
     "unreachable": "let a transition lead there, or leave it out.",
@@ -21,9 +22,10 @@ _FIXES = {
 def problems_of(spawns: tuple[Spawn, ...]) -> list[Problem]:
     """Return the mistakes in machines that run side by side, and in those inside them; then what is doubtful."""
     extents = [spawn.machine.extent for spawn in spawns]
-    states = sum(count for count, _ in extents)  # exact: integers
-    if states > MAX_STATES or any(levels > MAX_LEVELS for _, levels in extents):
-        what = f"The program has more than {MAX_STATES} states, or more than {MAX_LEVELS} levels of machines."
+    states, transitions = (sum(one[i] for one in extents) for i in (0, 1))  # exact: integers
+    if states > MAX_STATES or transitions > MAX_TRANSITIONS or any(levels > MAX_LEVELS for *_, levels in extents):
+        what = f"The program has more than {MAX_STATES} states, more than {MAX_TRANSITIONS} transitions out of them, "
+        what += f"or more than {MAX_LEVELS} levels of machines."
         return [Problem(spawns[0].place, what, "a machine counts as often as it is spawned: split the program.")]
     mistakes = [problem for spawn in spawns for problem in _problems(spawn, None)]
     return mistakes or doubts_of(spawns)

@@ -111,7 +111,7 @@ def cause_of(one: Transition) -> tuple[object, ...]:
 
 def code_of(block: Block | None) -> str:
     """Return what a block means, with the helpers that it calls; of a function in Python, its name."""
-    return "" if block is None else getattr(block.bind, "code", block.text)
+    return "" if block is None else block.code
 
 
 def values_after(old: BoundProgram, new: BoundProgram, renamed: dict[str, str]) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from snr_sim.behaviors.program import Block, Place, Problem
-from snr_sim.behaviors.reader import Form, Item, Text, Word
+from snr_sim.behaviors.reader import MAX_PROBLEMS, Form, Item, Text, Word
 from snr_sim.prelude.errors import suggest
 
 SHAPES = {
@@ -25,11 +25,16 @@ class FormError(Exception):
     """A form cannot be used; the problem is noted."""
 
 
+class EnoughProblemsError(Exception):
+    """The program has as many mistakes as are reported: to suggest a name for each of more would take long."""
+
+
 class Notes:
     """Collects the problems of forms."""
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems: list[Problem] = list(problems)
+        self._mistakes = len(problems)
 
     def tried(self, make: Any, *arguments: Any) -> list[Any]:
         """Return what a function makes, in a list; an empty one if it fails."""
@@ -91,8 +96,11 @@ class Notes:
         return FormError()
 
     def add(self, place: Place, message: str, fix: str = "", *, is_error: bool = True) -> None:
-        """Note a problem."""
+        """Note a problem; raise EnoughProblemsError with the last mistake that is reported."""
         self.problems.append(Problem(place, message, fix, is_error))
+        self._mistakes += is_error
+        if self._mistakes >= MAX_PROBLEMS:
+            raise EnoughProblemsError
 
 
 def first_word(form: Form) -> str:

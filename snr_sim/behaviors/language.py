@@ -30,6 +30,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -38,7 +39,7 @@ from snr_sim.behaviors.block_checks import RESERVED
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
 from snr_sim.behaviors.checks import MAX_LEVELS, problems_of
 from snr_sim.behaviors.context import MAX_WORK, plain_value
-from snr_sim.behaviors.forms import Notes, first_word, is_word, text_of
+from snr_sim.behaviors.forms import EnoughProblemsError, Notes, first_word, is_word, text_of
 from snr_sim.behaviors.imports import Actions, why_not
 from snr_sim.behaviors.program import (
     ANY,
@@ -60,6 +61,7 @@ from snr_sim.behaviors.reader import MAX_PROBLEMS, Code, Form, Item, Text, Word,
 from snr_sim.prelude.errors import ParameterError, suggest
 
 NS_PER_MS = 1_000_000
+MAX_CODE = 100_000  # characters of the blocks of a program, each with the helpers that it calls
 Parts = Mapping[str, frozenset[str]]
 
 _TOP = ("var", "def", "machine", "spawn", "onerror", "always", "break", "import", "export", "actions")
@@ -102,12 +104,13 @@ def _parse(
     known = None if parts is None else {name: frozenset(verbs) for name, verbs in parts}
     others = _Others(dict(files), {file: dict(functions) for file, functions in actions})
     language = _Language(known, problems, others)
-    program = language.program(text, forms)
-    found = language.problems
-    if not any(one.is_error for one in found):
-        found += problems_of(program.spawns)
+    program, found = None, language.problems
+    with suppress(EnoughProblemsError):
+        program = language.program(text, forms)
+        if not any(one.is_error for one in found):
+            found += problems_of(program.spawns)
     errors = [one for one in found if one.is_error]
-    if errors:
+    if program is None or errors:
         return None, tuple(sorted(errors, key=lambda one: (one.place.line, one.place.column)))[:MAX_PROBLEMS]
     return replace(program, warnings=tuple(found[:MAX_PROBLEMS])), ()
 
@@ -160,6 +163,7 @@ class _Others:
         inside: those that are being read, the outermost first.
         start: the context of all initialisers.
         named: keys of the variables that blocks name.
+        code: characters of the blocks that have been compiled, each with the helpers that it calls.
     """
 
     files: Mapping[str, str]
@@ -168,6 +172,7 @@ class _Others:
     inside: list[str] = field(default_factory=list)
     start: _Start = field(default_factory=lambda: _Start())
     named: set[str] = field(default_factory=set)
+    code: int = 0
 
 
 class _Language:
@@ -283,7 +288,9 @@ class _Language:
             forms, problems = read(others.files[name])
             language = _Language(self._parts, problems, others, f"{name.removesuffix('.lrp')}:")
             others.inside.append(name)
-            others.used[name] = language.exports(forms)
+            others.used[name] = _Names()
+            with suppress(EnoughProblemsError):
+                others.used[name] = language.exports(forms)
             others.inside.pop()
             for one in language.problems:
                 if one.is_error:
@@ -330,10 +337,11 @@ class _Language:
                 block = self._block(code, "condition", inside)
                 # One with a mistake is known all the same, so that its callers are not mistakes, too.
                 text = "None" if block is None else code.text
-                seen = tuple(sorted(names.variables.items())), tuple(names.definitions.items())
-                made = define(parameters, text, *seen, tuple(self._actions.items()))
-                variables = {key: value for key, value in names.variables.items() if key != name}
-                return replace(names, definitions={**names.definitions, name: made}, variables=variables)
+                seen = Scope(names.variables, names.definitions, None).of(text)
+                variables, called = tuple(seen.variables.items()), tuple(seen.definitions.items())
+                made = define(parameters, text, variables, called, tuple(self._actions.items()))
+                others = {key: value for key, value in names.variables.items() if key != name}
+                return replace(names, definitions={**names.definitions, name: made}, variables=others)
             case (Word("var"), _, Word(":="), Code() as code):
                 key = f"{scope}.{name}" if scope else f"{self._prefix}{name}"
                 self._declared_at[key] = name, form.items[1].place
@@ -346,8 +354,7 @@ class _Language:
     def _initial(self, name: str, code: Code, names: _Names) -> Any:
         """Return the value of an initialiser, which may name what is declared before it."""
         block = self._notes.needed(self._block(code, "condition", names, {}))
-        keys = list(names.values)
-        bindings = Bindings([names.values[key] for key in keys], {key: i for i, key in enumerate(keys)})
+        bindings = Bindings([names.values[key] for key in block.keys], {key: i for i, key in enumerate(block.keys)})
         try:
             return plain_value(name, block.bind(bindings)(self._others.start))
         except Exception as error:
@@ -562,11 +569,16 @@ class _Language:
         return replace(block, bind=in_ns)
 
     def _block(self, code: Code, kind: Any, names: _Names, parts: Parts | None = None) -> Block | None:
+        if self._others.code > MAX_CODE:
+            what = f"The blocks before this one, with the helpers that they call, have more than {MAX_CODE} characters."
+            raise self._notes.failed(code.place, what, "simplify them.")
         scope = Scope(names.variables, names.definitions, self._parts if parts is None else parts, self._actions)
         block, problems = compile_block(code.text, code.place, kind, scope)
-        self.problems += problems
+        for one in problems:
+            self._notes.add(one.place, one.message, one.fix, is_error=one.is_error)
         if block is not None:
             self._others.named.update(block.keys)
+            self._others.code += len(block.code)
         return block
 
 

@@ -118,6 +118,12 @@ class Block:
     parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)
 
     @property
+    def code(self) -> str:
+        """What it means, with the helpers that it calls; of a function in Python, its name."""
+        code: str = getattr(self.bind, "code", self.text)
+        return code
+
+    @property
     def line(self) -> str:
         """Its text in one line, to be shown."""
         return " ".join(self.text.split())
@@ -202,11 +208,14 @@ class MachineDef:
         return {one.name: one for one in self.states}
 
     @cached_property
-    def extent(self) -> tuple[int, int]:
-        """How many states it has, with those of the machines in them; and how many levels of machines."""
+    def extent(self) -> tuple[int, int, int]:
+        """How many states and transitions out of them it has, with those of machines in them; how many levels."""
         inside = [spawn.machine.extent for state in self.states for spawn in state.spawns]
-        states = len(self.states) + sum(count for count, _ in inside)  # exact: integers
-        return states, 1 + max((level for _, level in inside), default=0)
+        states, sources = len(self.states), [one.source for one in self.transitions]
+        transitions = len(sources) + (states - 1) * sources.count(ANY)
+        transitions += sum(count for _, count, _ in inside)  # exact: integers
+        states += sum(count for count, _, _ in inside)  # exact: integers
+        return states, transitions, 1 + max((levels for _, _, levels in inside), default=0)
 
     @cached_property
     def _by_source(self) -> dict[str, list[tuple[int, Transition]]]:

@@ -8,12 +8,13 @@ Source of the language: Fabry and Campusano, "Live Programming the Lego Mindstor
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from snr_sim.behaviors.program import Place, Problem
 
-MAX_CHARACTERS = 1_000_000
+MAX_CHARACTERS = 50_000  # a program of so many is parsed in 0.3 s
 MAX_DEPTH = 100  # of forms in forms
 MAX_PROBLEMS = 20
 
@@ -22,7 +23,11 @@ _WORD = re.compile(r"->|:=|\*|[0-9]+|[A-Za-z][A-Za-z0-9_]*(?:-+[A-Za-z0-9_]+)*")
 _CODE = re.compile(r"\w+$")  # the word before a place
 _FORM = re.compile(r"^[ \t]*\(", re.MULTILINE)  # where a line begins with one
 _JUNK = re.compile(r"[^\s()\[\];\"]+")
-_QUOTE = re.compile(r"(?i:[rbuf]{0,2})('''|\"\"\"|'|\")")
+# Of Python: a bracket, a comment, a string, or the quote of a string that is not closed.
+_IN_CODE = re.compile(
+    r"""[()\[\]{}]|\#[^\n]*|('''|\"{3})(?:\\.|(?!\1)[^\\])*+\1|(?!'''|\"{3})(['"])(?:\\.|(?!\2)[^\\\n])*+\2|['"]""",
+    re.DOTALL,
+)
 _CLOSING = {"(": ")", "[": "]", "{": "}"}
 
 
@@ -71,7 +76,9 @@ def read(text: str) -> tuple[list[Form], list[Problem]]:
     if reader.is_unbalanced:  # then which bracket it is, is seen by the indentation
         reader = _Reader(text, is_by_indentation=True)
         reader.read_all()
-    return reader.forms, reader.problems[:MAX_PROBLEMS]
+    if len(reader.problems) >= MAX_PROBLEMS:
+        return [], reader.problems  # the rest was not read, so what is missing may be in it
+    return reader.forms, reader.problems
 
 
 class _Open:
@@ -91,12 +98,15 @@ class _Reader:
         self.problems: list[Problem] = []
         self.is_unbalanced = False
         self._starts = [0, *(found.end() for found in re.finditer("\n", text))]  # of lines
-        self._line = 0  # index of the line of the last place that was asked for
+        self._first_in_line = {found.end() - 1 for found in _FORM.finditer(text)}  # brackets of forms
         self._open: list[_Open] = []
 
     def read_all(self) -> None:
+        """Read until the text ends, too much is wrong, or it must be read again by its indentation."""
         text, at = self.text, 0
-        while at < len(text):
+        while at < len(text) and len(self.problems) < MAX_PROBLEMS:
+            if self.is_unbalanced and not self.is_by_indentation:
+                return
             found = _SPACE.match(text, at)
             at = found.end() if found else self._read_one(at)
         for one in reversed(self._open):
@@ -174,9 +184,9 @@ class _Reader:
 
     def _close_by_indentation(self, at: int) -> None:
         """Close, as mistakes, the forms that a line ends which begins at their column or before."""
-        line, column = self._at(at)
-        if self.text[self._starts[line - 1] : at].strip(" \t"):
+        if at not in self._first_in_line:
             return
+        column = self._at(at)[1]
         while self._open and self._open[-1].column >= column:
             self._report_unclosed(self._open[-1], at)
             self._close(at)
@@ -198,13 +208,8 @@ class _Reader:
 
     def _at(self, at: int) -> tuple[int, int]:
         """Return line and column of a character."""
-        starts, line = self._starts, self._line
-        if at < starts[line]:
-            line = 0
-        while line + 1 < len(starts) and starts[line + 1] <= at:
-            line += 1
-        self._line = line
-        return line + 1, at - starts[line] + 1
+        line = bisect_right(self._starts, at)
+        return line, at - self._starts[line - 1] + 1
 
     def _place(self, start: int, end: int) -> Place:
         return Place(*self._at(start), *self._at(end))
@@ -215,48 +220,18 @@ class _Reader:
 
 
 def _end_of_code(text: str, at: int) -> int | str:
-    """Return the place after the bracket that closes the one at a place; or what is wrong.
-
-    Python's own brackets, strings and comments are skipped.
-    """
+    """Return the place after the bracket that closes the one at a place; or what is wrong."""
     open_brackets: list[str] = []
-    while at < len(text):
-        char = text[at]
-        if char in "([{":
-            open_brackets.append(char)
-            at += 1
-        elif char in ")]}":
-            if _CLOSING[open_brackets[-1]] != char:
-                return f"'{open_brackets[-1]}' is closed by '{char}'."
+    for found in _IN_CODE.finditer(text, at):
+        token = found[0]
+        if token in _CLOSING:
+            open_brackets.append(token)
+        elif token in _CLOSING.values():
+            if _CLOSING[open_brackets[-1]] != token:
+                return f"'{open_brackets[-1]}' is closed by '{token}'."
             open_brackets.pop()
-            at += 1
             if not open_brackets:
-                return at
-        elif char == "#":
-            end = text.find("\n", at)
-            at = len(text) if end < 0 else end
-        elif char in "'\"":
-            after = _end_of_string(text, at)
-            if after < 0:
-                return "A text in the code is not closed."
-            at = after
-        else:
-            at += 1
+                return found.end()
+        elif token in ("'", '"'):
+            return "A text in the code is not closed."
     return "'[' is not closed."
-
-
-def _end_of_string(text: str, at: int) -> int:
-    """Return the place after a Python string, or -1."""
-    found = _QUOTE.match(text, at)
-    assert found is not None
-    quote, at = found[1], found.end()
-    while at < len(text):
-        if text[at] == "\\":
-            at += 2
-        elif text.startswith(quote, at):
-            return at + len(quote)
-        elif text[at] == "\n" and len(quote) == 1:
-            return -1
-        else:
-            at += 1
-    return -1

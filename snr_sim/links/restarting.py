@@ -109,13 +109,14 @@ class RestartingLoop(Loop):
         self.attempt(self._shut)
 
     def attempt(self, step: Callable[[], object]) -> None:
-        """Do one step of closing; log what it raises."""
+        """Do one step of closing; log what it raises, and the stack of the first failure only."""
         try:
             step()
-        except Exception:
+        except Exception as error:
             if not self.restarts:
                 raise
-            self.log.exception("'%s' could not close in order", self.name)
+            stack = error if self.failures <= 1 else None
+            self.log.error("'%s' could not close in order: %s", self.name, error_text(error), exc_info=stack)
 
 
 def error_text(error: Exception) -> str:

@@ -75,7 +75,7 @@ MIN_INT, MAX_INT = -(2**63), 2**64 - 1  # of JSON; other integers have a mark
 _AS_THEY_ARE = frozenset((NoneType, bool, str))
 _CONTAINERS = frozenset((list, dict))
 _UNTAGGED = object()
-_ITEM_TYPES: dict[str, tuple[type, ...]] = {"b": (bool,), "i": (int,), "u": (int,), "f": (int, float)}
+_ITEM_TYPES = {"b": frozenset((bool,)), "i": frozenset((int,)), "u": frozenset((int,)), "f": frozenset((int, float))}
 
 
 def encode_value(value: Any) -> bytes:
@@ -336,20 +336,28 @@ def _untag_array(value: dict[str, Any]) -> Any:
         flat = np.frombuffer(little_endian, dtype.newbyteorder("<")) if little_endian else np.empty(0, dtype)
         array = flat.astype(dtype).reshape(shape)
     else:
-        with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
-            array = np.array(_items(value["data"], shape, _ITEM_TYPES[dtype.kind]), dtype).reshape(shape)
+        items = _items(value["data"], shape, _ITEM_TYPES[dtype.kind])
+        if dtype.kind == "f" and dtype.itemsize < 8:
+            with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
+                array = np.array(items, dtype)
+        else:
+            array = np.array(items, dtype)
+        if len(shape) != 1:
+            array = array.reshape(shape)
     return array if shape else array[()]
 
 
-def _items(data: Any, shape: list[int], types: tuple[type, ...]) -> list[Any]:
+def _items(data: Any, shape: list[int], types: frozenset[type]) -> list[Any]:
     """Return the numbers in lists that are nested according to the shape."""
     level = [data]
     for length in shape:  # a level at a time, which is in C: one number at a time takes five times as long
         if set(map(type, level)) - {list} or set(map(len, level)) - {length}:
             raise ValueError(f"its data are not of shape {shape[:8]}")
-        level = list(chain.from_iterable(level))
-    if float in types and dict in set(map(type, level)):
+        level = level[0] if len(level) == 1 else list(chain.from_iterable(level))
+    found = set(map(type, level))
+    if dict in found and float in types:
         level = [untag(item, {}) if type(item) is dict else item for item in level]
-    if not set(map(type, level)) <= set(types):
+        found = set(map(type, level))
+    if not found <= types:
         raise ValueError(f"it holds {next(item for item in level if type(item) not in types)!r} among its numbers")
     return level

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import random
+import time
 from typing import Any
 
 import pytest
@@ -10,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim.behaviors import Interpreter, Program, ProgramError, draw, parse
-from snr_sim.behaviors.reader import MAX_PROBLEMS, read
+from snr_sim.behaviors.reader import MAX_CHARACTERS, MAX_PROBLEMS, read
+from tests.fuzz_parsers import slowness
 
 MS = 1_000_000
 PARTS = {"range": frozenset({"read"}), "light": frozenset({"start", "stop"})}
@@ -332,9 +335,46 @@ def test_text_that_is_nothing_but_brackets_is_answered(text: str) -> None:
 def test_large_texts_are_answered_in_time() -> None:
     with pytest.raises(ProgramError, match="The text has 10000000 characters"):
         parse("(" * 10_000_000)
-    many = "".join(f"(state s{i})" for i in range(10_001))
+    many = "(state s)" * 5001
     with pytest.raises(ProgramError, match="more than 10000 states"):
-        parse(f"(machine m {many})(spawn m s0)")
+        parse(f"(machine m {many})(spawn m s)(spawn m s)")
+
+
+def filled(unit: str) -> str:
+    """Return as many numbered copies of a unit as a text may have; `#` is the number, and `@` the one before it."""
+    text, i = "", 0
+    while len(text) < MAX_CHARACTERS - 200:
+        text, i = text + unit.replace("#", str(i + 1)).replace("@", str(i)), i + 1
+    return text
+
+
+def in_machine(states: str) -> str:
+    return f"(machine m (state s0){states})(spawn m s0)"
+
+
+# Each took 1 s to several minutes before it was bounded, or takes longest of those that are allowed.
+LONG = {
+    "code that is not closed": "(a" + filled("\n  (x [") + ")",
+    "code whose ends are texts": "(machine m" + filled("\n  (x [\n#'''\n'''\n"),
+    "forms of several lines": in_machine(filled("(state s#\n)\n")),
+    "forms in one line": filled("()"),
+    "helpers that call each other": "(def d0 x [x])" + filled("(def d# x [d@(x)])"),
+    "helpers": filled("(def d# x [x])"),
+    "variables": filled("(var v# := [#])"),
+    "blocks": in_machine(filled("(state s# (running [log(#)]))")),
+    "unknown states": in_machine(filled("(state s#)(eps s# -> x#)")),
+    "unknown events": in_machine(filled("(event e#)(on f# s0 -> s0)")),
+    "transitions of all states": in_machine(filled("(state s#)(on [now_ms > #] * -> s#)")),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", LONG)
+def test_text_of_the_greatest_length_takes_a_second_at_most(what: str) -> None:
+    began_s = time.thread_time()
+    with contextlib.suppress(ProgramError):
+        parse(LONG[what])
+    assert time.thread_time() - began_s < slowness()
 
 
 @pytest.mark.parametrize(

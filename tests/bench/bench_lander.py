@@ -8,13 +8,14 @@ Run by `snr bench lander`.
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from harness import Benchmark, Row, compare
+from harness import Benchmark, Row, compare, cpu_time_of_process_s
 
 from snr_sim.devices.device_loop import start_device
 from snr_sim.prelude.errors import MissingExtraError
@@ -204,6 +205,23 @@ def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
             ratio_limit=limit,
             note=note,
         )
+    yield Row(
+        "lander_pad with trace, beside without",
+        1e3 * found.shortest_s[2] / sim_s,
+        "ms/sim s",
+        baseline=1e3 * found.shortest_s[1] / sim_s,
+        compared_to="lander_pad in lock step",
+        ratio=found.ratios[2] / found.ratios[1],
+        ratio_limit=1.6,
+    )
+    command = [sys.executable, "-m", "snr_sim", "run", "lander_pad", "--json", "--out", str(folder / "runs")]
+    yield Row(
+        "snr run lander_pad, from the start of its process to the end",
+        min(cpu_time_of_process_s(command) for _ in range(rounds)),
+        "s",
+        limit=0.45,
+        note="CPU time, which is the wall time if a core is free",
+    )
     truly_s = flight.bare(pad_tick_without_devices)().time_s
     true: Benchmark = lambda: flight.bare(pad_tick_without_devices)  # noqa: E731
     found = compare(true, *(benchmark for _, _, benchmark, _ in subjects[:2]), rounds=rounds)

@@ -10,9 +10,11 @@ from __future__ import annotations
 import gc
 import importlib
 import json
+import os
+import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any, TypeAlias
@@ -85,6 +87,14 @@ def cpu_time_of(benchmark: Benchmark) -> float:
     start_s = time.process_time()
     run()
     return time.process_time() - start_s
+
+
+def cpu_time_of_process_s(command: Sequence[str]) -> float:
+    """Return the CPU time of a process from start to end."""
+    before = os.times()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    after = os.times()
+    return after.children_user - before.children_user + after.children_system - before.children_system
 
 
 def compare(baseline: Benchmark, *subjects: Benchmark, rounds: int) -> Comparison:

@@ -14,7 +14,7 @@ import pytest
 from snr_sim.cli.arguments import pace_of
 from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
-from snr_sim.recording.trace import FILE_NAME
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.library import find
 
 Snr = Callable[..., Any]
@@ -530,6 +530,16 @@ def test_device_that_fails_to_open_is_reported_first_and_alone(snr: Snr) -> None
     assert "waits for" not in answer.err
     assert "not reached" not in answer.out, "nothing was measured"
     assert "error after 0.0 s" in answer.out
+
+
+@pytest.mark.parametrize("io", ["sim", "mcu:/dev/null"])
+def test_only_run_with_real_outputs_continues_without_its_recording(
+    snr: Snr, monkeypatch: pytest.MonkeyPatch, io: str
+) -> None:
+    softly: list[Any] = []
+    monkeypatch.setattr(TraceWriter, "fail_softly", lambda self, nodes: softly.append(nodes))
+    snr("run", "lander_vertical" if io == "sim" else "urov_depth_hold", "--io", io)
+    assert bool(softly) == (io != "sim")
 
 
 # Views

@@ -290,17 +290,21 @@ def test_repeatedly_failing_link_waits_longer_and_logs_once(
     assert len([record for record in caplog.records if "ZeroDivisionError" in record.message]) == 1
 
 
-def test_bug_of_one_stream_closes_only_that_stream(history: History) -> None:
+def test_bug_of_one_stream_closes_only_that_stream(history: History, caplog: pytest.LogCaptureFixture) -> None:
     (honest,) = history.link(history.robot).transport.streams
-    history.connect()
-    history.rounds(2)
-    other = next(stream for stream in history.link(history.robot).transport.streams if stream is not honest)
-    other.port._sock.bug = RuntimeError("a bug")
-    history.attackers[0].send(b"x")
-    history.rounds(2)
-    assert history.link(history.robot).transport.streams == [honest]
-    assert history.link(history.robot).failures == 1
-    assert not history.link(history.robot).is_shut
+    for count in (1, 2):
+        history.connect()
+        history.rounds(2)
+        other = next(stream for stream in history.link(history.robot).transport.streams if stream is not honest)
+        other.port._sock.bug = RuntimeError("a bug")
+        history.attackers[-1].send(b"x")
+        history.rounds(2)
+        assert history.link(history.robot).transport.streams == [honest]
+        assert history.link(history.robot).failures == count
+        assert not history.link(history.robot).is_shut
+    stacks = [bool(record.exc_info) for record in caplog.records if record.message.startswith("192.0.2.1")]
+    assert stacks == [True, False]  # a line each
+    assert not any(record.exc_info for record in caplog.records[len(caplog.records) // 2 :])
 
 
 def test_unauthenticated_client_that_resets_keeps_the_honest_client_up(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,7 @@ from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import RESET, LeakReading
 from snr_sim.prelude.task import Page, Task, TaskType
 from snr_sim.scenario import library
+from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
@@ -300,6 +301,12 @@ def test_cell_in_simulation(cause: str, action: str) -> None:
 @pytest.mark.parametrize(("cause", "action"), CELLS, ids=str)
 def test_cell_at_pins_of_emulated_board(cause: str, action: str) -> None:
     check_cell("emulated", cause, action)
+
+
+def test_table_is_shown_at_start_of_run() -> None:
+    lines = prepare(Request("urov_heading_hold")).start_lines()
+    assert all(line.startswith("failsafe  ") for line in lines)
+    assert [sum(cause in line for line in lines) for cause in CAUSES] == [1] * len(CAUSES)
 
 
 def test_rearm_resumes_once_and_only_within_limit() -> None:
