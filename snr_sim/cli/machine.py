@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -118,23 +119,29 @@ def _explore(program: Program, file: str, as_json: bool) -> None:
     """Print what a program can do at all; exit with status 1 if something may be a mistake."""
     from snr_sim.behaviors.explore import explore
 
-    found, count = explore(program)
+    found = explore(program)
     if as_json:
         rows = [
             {
                 "kind": one.kind, "machine": one.machine, "name": one.name, "line": one.place.line,
                 "message": one.message, "word": list(one.word),
             }
-            for one in found
+            for one in found.findings
         ]  # fmt: skip
-        print_json({"configurations": count, "findings": rows})
+        print_json({**found._asdict(), "findings": rows})
     else:
-        for one in found:
+        for one in found.findings:
             print_text(f"{file}:{one.place.line}: {one.message}")
             if one.word:
-                print_text(f"    shortest way there: {', '.join(one.word)}")
-        print_text(f"{count} configurations, {len(found) or 'nothing'} found")
-    if any(one.kind != "only_time" for one in found):
+                runs = [(name, len(list(run))) for name, run in groupby(one.word)]
+                way = (name if count == 1 else f"{name} ({count} times)" for name, count in runs)
+                print_text(f"    shortest way there: {', '.join(way)}")
+        for name in found.undecided:
+            print_text(f"whether '{name}' always holds depends on readings or on variables that are not followed")
+        if found.left_out:
+            print_text(f"not followed, as they have too many values: {', '.join(found.left_out)}")
+        print_text(f"{found.configurations} configurations, {len(found.findings) or 'nothing'} found")
+    if any(one.kind != "only_time" for one in found.findings):
         raise typer.Exit(1)
 
 
