@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 MAX_SEEDS = 10_000
 
 
-def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, as_json: bool) -> None:
+def coverage(
+    scenario: str, seeds: str, controller: str, min_percent: float, *, to: str = "", as_json: bool = False
+) -> None:
     """Run a scenario with several seeds, unrecorded, and print what its machines reached.
 
     Args:
@@ -25,6 +27,7 @@ def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, 
         seeds: "0..19", or one.
         controller: as of `snr run`; that of the scenario if empty.
         min_percent: of states and transitions; below it the exit status is 1.
+        to: format in which the machines are drawn, with counts; empty: they are not.
         as_json: whether to print JSON.
     """
     found: dict[str, tuple[Program, Coverage]] = {}
@@ -36,6 +39,11 @@ def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, 
     reports = {name: counted.report(program) for name, (program, counted) in found.items()}
     if as_json:
         print_json({"outcomes": outcomes, "machines": reports})
+    elif to:
+        from snr_sim.behaviors.export import draw
+
+        for program, counted in found.values():
+            print_text(draw(program, to, counted.counts(program)), end="")  # type: ignore[arg-type]
     else:
         print_text("runs: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
         for name, report in reports.items():
@@ -98,6 +106,11 @@ def _print(name: str, report: dict[str, Any]) -> None:
         where = f"    line {row['line']:<4} {row['machine']}: condition {row['condition']}"
         if bool(row["was_true"]) != bool(row["was_false"]):
             print_text(f"{where} was never {'false' if row['was_true'] else 'true'}")
+    pairs = report["pairs"]
+    if pairs:
+        print_text(
+            f"    {sum(row['taken'] > 0 for row in pairs)} of {len(pairs)} pairs of transitions in sequence"
+        )  # exact: integers
     for row in report["time_outs"]:
         where = f"    line {row['line']:<4} {row['machine']}: the time of {row['transition']} in {row['state']}"
         if not row["fired"]:
