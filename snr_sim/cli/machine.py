@@ -33,7 +33,10 @@ def machine(
         ),
     ],
     name: Annotated[str, typer.Option(help="Which machine, if a Python file or a run has several.")] = "",
-    to: Annotated[str, typer.Option("--as", help="Of draw: mermaid, dot, scxml or text.")] = "mermaid",
+    to: Annotated[
+        str,
+        typer.Option("--as", help="Of draw: mermaid, dot, scxml or text. Of coverage: mermaid or dot, with counts."),
+    ] = "",
     robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
     machine_path: Annotated[str, typer.Option("--machine", help="Of why: path of a machine; all if not given.")] = "",
     target: Annotated[str, typer.Option("--to", help="Of why: only transitions to this state.")] = "",
@@ -45,7 +48,9 @@ def machine(
     min_percent: Annotated[float, typer.Option("--min", help="Of coverage: exit status 1 below it.")] = 0.0,
     port: Annotated[int, typer.Option(help="Of view: not any free port, but this one.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Of edits: folder that its files go into.")] = None,
-    other: Annotated[str, typer.Argument(help="Of diff the new program, of try a run; the newest if none.")] = "",
+    cases: Annotated[int, typer.Option(help="Of try without a run: how many random stories.")] = 1000,
+    is_strict: Annotated[bool, typer.Option("--strict", help="Of try: a block that fails is a failure, too.")] = False,
+    other: Annotated[str, typer.Argument(help="Of diff the new program, of try a run.")] = "",
     trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
@@ -58,25 +63,28 @@ def machine(
     states and transitions were not reached. edits writes the programs of a run that was edited as files, and runs it
     again with them. diff prints which states, transitions and variables differ between two programs. try runs a changed
     program on the inputs of a recorded run: where its changes of state begin to differ, and which states it visits. It
-    is a rehearsal: the recorded readings do not answer it. lag prints how old readings were when machines decided, and
+    is a rehearsal: the recorded readings do not answer it. Without a run, it tries random signals, readings and times,
+    and prints the shortest story after which a rule (always ...) does not hold, as a test.
+    lag prints how old readings were when machines decided, and
     how long commands took. why executes the run again and prints each transition that was looked at, with the values of
     its condition: at one moment step by step, over an interval as a summary. view serves a page that shows the machine
     at any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
-    --min, of diff 1 if there are differences, of edits and try 1 if the second run differs.
+    --min, of diff 1 if there are differences, of edits and try 1 if the second run differs, of try 1 if a story fails.
     """
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
-    if to not in _FORMATS:
-        raise UnknownNameError(f"There is no format '{to}'.", fix=suggest(to, _FORMATS))
+    formats = _FORMATS[:2] if what == "coverage" else _FORMATS
+    if to not in ("", *formats):
+        raise UnknownNameError(f"There is no format '{to}'.", fix=suggest(to, formats))
     run = Path(file)
     if what == "check":
         _check(file, name, robot, as_json)
     elif what == "coverage":
         from snr_sim.cli.machine_coverage import coverage
 
-        coverage(file, seeds, controller, min_percent, as_json=as_json)
+        coverage(file, seeds, controller, min_percent, to=to, as_json=as_json)
     elif what == "diff":
         from snr_sim.cli.machine_diff import diff
 
@@ -89,10 +97,15 @@ def machine(
         _explore(_program_in(file, name, robot), file, as_json)
     elif what == "lag":
         _lag(run, as_json)
+    elif what == "try" and not other:
+        from snr_sim.cli.machine_stories import try_stories
+
+        bridge = _bridge(robot) if robot else None
+        try_stories(_program_in(file, name, robot), run, bridge, cases, is_strict=is_strict, as_json=as_json)
     elif what == "try":
         from snr_sim.cli.machine_try import try_program
 
-        try_program(file, Path(other) if other else None, trust=trust, as_json=as_json)
+        try_program(file, Path(other), trust=trust, as_json=as_json)
     elif what == "view":
         from snr_sim.cli.machine_view import view
 
@@ -104,7 +117,7 @@ def machine(
             from_s, until_s = at, at + SAME_MOMENT_S
         why(run, machine_path, target, from_s, until_s, trust=trust, as_json=as_json)
     else:
-        _draw(_program_in(file, name, robot), to, as_json)
+        _draw(_program_in(file, name, robot), to or "mermaid", as_json)
 
 
 def _draw(program: Program, to: str, as_json: bool) -> None:
