@@ -12,9 +12,9 @@ def to_cm(distance_m: float) -> float:
 
 BRIDGE = Bridge(
     reads={
-        "ultra": Read("range", "distance_m", to=to_cm, unit="cm", fresh_s=0.5),
-        "left_touch": Read("touch", "left", to=int, unit="0 or 1", fresh_s=0.5),
-        "right_touch": Read("touch", "right", to=int, unit="0 or 1", fresh_s=0.5),
+        "ultra": Read("range", "distance_m", to=to_cm, unit="cm", fresh_s=0.5, low=0.0, high=255.0),
+        "left_touch": Read("touch", "left", to=int, unit="0 or 1", fresh_s=0.5, low=0, high=1),
+        "right_touch": Read("touch", "right", to=int, unit="0 or 1", fresh_s=0.5, low=0, high=1),
     },
     # The motors take a command for a limited time.
     drives={

@@ -34,10 +34,12 @@ STICKS = {
 }
 BRIDGE = Bridge(
     reads={
-        "depth_m": Read("depth", "depth_m", unit="m, positive down", fresh_s=1.0),
-        "heading_deg": Read("vehicle", "attitude_rad", to=roll_pitch_yaw_deg, unit="degrees", fresh_s=2.0),
-        "is_armed": Read("vehicle", "is_armed", fresh_s=2.0),
-        "is_wet": Read("vehicle", "is_leaking", fresh_s=2.0),
+        "depth_m": Read("depth", "depth_m", unit="m, positive down", fresh_s=1.0, low=0.0, high=100.0),
+        "heading_deg": Read(
+            "vehicle", "attitude_rad", to=roll_pitch_yaw_deg, unit="degrees", fresh_s=2.0, low=-180.0, high=180.0
+        ),
+        "is_armed": Read("vehicle", "is_armed", fresh_s=2.0, low=0, high=1),
+        "is_wet": Read("vehicle", "is_leaking", fresh_s=2.0, low=0, high=1),
         "x_m": Read("position_fix", "position_m", to=part_of_position(0), unit="m", fresh_s=1.0),
         "y_m": Read("position_fix", "position_m", to=part_of_position(1), unit="m", fresh_s=1.0),
     },

@@ -35,6 +35,7 @@ class Read:
         to: converts the value to the unit that programs use.
         unit: that unit.
         fresh_s: a reading that is older is not given.
+        low, high: what can be read, in that unit: for random tests.
     """
 
     page: DataKey
@@ -42,6 +43,8 @@ class Read:
     to: Callable[[Any], Any] | None = None
     unit: str = ""
     fresh_s: float = math.inf
+    low: float = -math.inf
+    high: float = math.inf
 
 
 @dataclass(frozen=True)

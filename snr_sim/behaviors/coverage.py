@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 from snr_sim.behaviors.explain import Evaluation
 from snr_sim.behaviors.program import Program, Transition
+
+# Path of its machine, the state that it leaves, its name and its line.
+Arrow: TypeAlias = tuple[str, str, str, int]
 
 
 @dataclass
@@ -29,7 +32,12 @@ class Coverage:
     """Counts evaluations, in the place of an `EvaluationLog`; the same one may serve several runs of a program."""
 
     states: set[tuple[str, str]] = field(default_factory=set)  # (path of the machine, state)
-    tallies: dict[tuple[str, str, str, int], Tally] = field(default_factory=dict)
+    tallies: dict[Arrow, Tally] = field(default_factory=dict)
+    pairs: Counter[tuple[Arrow, Arrow]] = field(
+        default_factory=Counter
+    )  # transitions that one machine took in sequence
+    _last: dict[str, Arrow] = field(default_factory=dict)  # that each machine has taken in this run
+    _t_ns: int = 0
 
     def keep(self, one: Evaluation, values: object) -> None:
         """Count an evaluation."""
@@ -40,12 +48,24 @@ class Coverage:
             tally.cancelled += one.t_ns - one.elapsed_ns > last.t_ns - last.elapsed_ns  # entered since
         tally.evaluated += 1
         tally.longest_ns = max(tally.longest_ns, one.elapsed_ns)
+        if one.t_ns < self._t_ns:  # another run
+            self._last.clear()
+        self._t_ns = one.t_ns
         if one.is_true:
             tally.taken += 1
             machine = one.machine.rsplit("/", 2)[0] if one.kind == "exit" else one.machine
             self.states.add((machine, one.target))
+            self._follow(machine, (one.machine, one.state, one.transition, one.line))
         elif one.after_ns is None or one.elapsed_ns >= one.after_ns:
             tally.was_false += 1
+
+    def _follow(self, machine: str, arrow: Arrow) -> None:
+        """Count the transition of a machine after the last one of the machine that it is declared in."""
+        if arrow[0] in self._last:
+            self.pairs[self._last[arrow[0]], arrow] += 1
+        # The machines inside will begin again.
+        self._last = {path: last for path, last in self._last.items() if not path.startswith(f"{machine}/")}
+        self._last[machine] = arrow
 
     def report(self, program: Program) -> dict[str, Any]:
         """Return what was reached of a program, as JSON.
@@ -54,7 +74,8 @@ class Coverage:
          "states": [{"machine", "state", "line", "is_reached"}],
          "transitions": [{"machine", "state", "transition", "line", "evaluated", "taken", "was_false"}],
          "conditions": [{"machine", "condition", "line", "was_true", "was_false"}]: each in all its transitions,
-         "time_outs": [{"machine", "state", "transition", "line", "fired", "cancelled", "longest_s"}]}
+         "time_outs": [{"machine", "state", "transition", "line", "fired", "cancelled", "longest_s"}],
+         "pairs": [{"machine", "first", "then", "line", "taken"}]: transitions in sequence; the line is of the second}
         """
         reached = self._with_initial(program)
         states = [
@@ -92,6 +113,24 @@ class Coverage:
                 for key, count in was_true.items()
             ],
             "time_outs": time_outs,
+            "pairs": [
+                {
+                    "machine": first[0],
+                    "first": first[2],
+                    "then": then[2],
+                    "line": then[3],
+                    "taken": self.pairs[first, then],
+                }
+                for first, then in _pairs(program)
+            ],
+        }
+
+    def counts(self, program: Program) -> dict[Arrow, int]:
+        """Return how often each transition was taken, and whether each state was reached, for `export.draw`."""
+        found = self.report(program)
+        states = {(row["machine"], row["state"], "", 0): int(row["is_reached"]) for row in found["states"]}
+        return states | {
+            (row["machine"], row["state"], row["transition"], row["line"]): row["taken"] for row in found["transitions"]
         }
 
     def _with_initial(self, program: Program) -> set[tuple[str, str]]:
@@ -111,3 +150,14 @@ def _arrows(program: Program) -> Iterator[tuple[str, str, Transition]]:
         for state in spawn.machine.states:
             for one in spawn.machine.transitions_of(state.name):
                 yield path, state.name, one
+
+
+def _pairs(program: Program) -> Iterator[tuple[Arrow, Arrow]]:
+    """Yield transitions that can be taken in sequence; after an exit comes one of the machine around."""
+    arrows: dict[tuple[str, str], list[Arrow]] = {}
+    for path, state, one in _arrows(program):
+        arrows.setdefault((path, state), []).append((path, state, one.name, one.place.line))
+    for path, state, one in _arrows(program):
+        machine = path.rsplit("/", 2)[0] if one.kind == "exit" else path
+        for then in arrows.get((machine, one.target), []):
+            yield (path, state, one.name, one.place.line), then

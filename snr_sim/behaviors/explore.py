@@ -1,35 +1,26 @@
 """What machines can do at all: a search through their states, without a robot.
 
-Each signal, condition and time-out may come at any moment; values of variables and readings are not followed. So a
-state that the search does not reach cannot be reached in any run; one that it reaches may still be out of reach for the
-physics, or for what the variables are then.
+Each signal, reading and time-out may come at any moment. So a state that the search does not reach cannot be reached in
+any run, unless a user sets a variable; one that it reaches may still be out of reach for the physics.
 
-Machines side by side do not hold each other up, so each is searched by itself, in the states in which it runs.
-Time-outs of one state are compared by their numbers: one that is due no earlier than another one above it never fires.
+Where conditions depend on variables, their values are followed: see `configurations.py`. Other machines side by side do
+not hold each other up, so each is searched by itself, in the states in which it runs. Time-outs of one state are
+compared by their numbers: one that is due no earlier than another one above it never fires.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from math import prod
 from typing import NamedTuple
 
+from snr_sim.behaviors.configurations import Way, Ways, search
 from snr_sim.behaviors.program import MachineDef, Place, Program, Spawn, Transition, with_names
 
 # Names of states that are meant to be the last.
 ENDS = ("done", "end", "ended", "stop", "stopped", "finished", "landed", "failed", "off", "home")
-
-
-class Way(NamedTuple):
-    """How a state is reached: the name of a transition, and the way to the state before it."""
-
-    before: Way | None
-    name: str
-
-
-Ways = dict[tuple[str, str], Way | None]  # by path of the machine and state; None: it begins there
 
 
 @dataclass(frozen=True)
@@ -37,9 +28,9 @@ class Finding:
     """Something that may be a mistake.
 
     Args:
-        kind: 'unreachable', 'dead_end', 'hidden', 'eps_cycle' or 'only_time'.
-        machine: path of the machine.
-        name: of the state or the transition.
+        kind: 'unreachable', 'dead_end', 'hidden', 'never', 'violated', 'eps_cycle' or 'only_time'.
+        machine: path of the machine; empty of a rule.
+        name: of the state, the transition or the rule.
         place: of it in the program.
         message: what was found.
         way: to the state; None at the start, and of what cannot be reached.
@@ -62,21 +53,55 @@ class Finding:
         return tuple(reversed(names))
 
 
-def explore(program: Program) -> tuple[list[Finding], int]:
-    """Return what was found in a program, in the order of its text, and how many configurations there are."""
-    ways = _ways(program.spawns)
-    count = sum(
-        _configurations(spawn.machine, name, ways) for name, spawn in with_names(program.spawns)
+class Explored(NamedTuple):
+    """What a search has found.
+
+    Args:
+        findings: in the order of the text.
+        configurations: how many there are.
+        left_out: paths of variables that have too many values: what depends on them may be true or false.
+        undecided: names of rules of which a reading decides.
+    """
+
+    findings: list[Finding]
+    configurations: int
+    left_out: tuple[str, ...]
+    undecided: tuple[str, ...]
+
+
+def explore(program: Program) -> Explored:
+    """Search a program."""
+    found, named = search(program), dict(with_names(program.spawns))
+    followed = {name for names in found.counts for name in names}
+    ways = {key: way for key, way in _ways(program.spawns).items() if key[0].split("/")[0] not in followed} | found.ways
+    count = sum(found.counts.values())  # exact: integers
+    count += sum(
+        _configurations(spawn.machine, name, ways) for name, spawn in named.items() if name not in followed
     )  # exact: integers
-    return findings(program.spawns, ways), count
-
-
-def findings(spawns: tuple[Spawn, ...], ways: Ways | None = None) -> list[Finding]:
-    """Return what was found in machines that run side by side, in the order of the text."""
-    ways = _ways(spawns) if ways is None else ways
-    found = [
-        one for name, spawn in with_names(spawns) for one in _findings(spawn.machine, name, ways, has_way_out=False)
+    rows = [
+        Finding("violated", "", rule.name, rule.place, f"'{rule.name}' can be false: {values or 'always'}.", way)
+        for rule, (way, values) in found.violations.items()
     ]
+    violated = {one.name for one in rows}
+    for name, spawn in named.items():
+        taken = found.taken if name in followed else None
+        rows += _findings(spawn.machine, name, ways, taken, has_way_out=False)
+    return Explored(
+        _ordered(rows), count, found.left_out, tuple(name for name in found.undecided if name not in violated)
+    )
+
+
+def findings(spawns: tuple[Spawn, ...]) -> list[Finding]:
+    """Return what is found in machines that run side by side without following variables, in the order of the text."""
+    ways = _ways(spawns)
+    return _ordered(
+        one
+        for name, spawn in with_names(spawns)
+        for one in _findings(spawn.machine, name, ways, None, has_way_out=False)
+    )
+
+
+def _ordered(found: Iterable[Finding]) -> list[Finding]:
     return sorted(found, key=lambda one: (one.place.line, one.place.column))
 
 
@@ -125,13 +150,16 @@ def _configurations(machine: MachineDef, path: str, ways: Ways) -> int:
 # -- what it says -----------------------------------------------------------------------------------------------------
 
 
-def _findings(machine: MachineDef, path: str, ways: Ways, *, has_way_out: bool) -> Iterator[Finding]:
+def _findings(
+    machine: MachineDef, path: str, ways: Ways, taken: set[tuple[str, str, int]] | None, *, has_way_out: bool
+) -> Iterator[Finding]:
     """Yield what was found in a machine and in those inside its states.
 
     Args:
         machine: at its place.
         path: of it.
         ways: to the states that are reached.
+        taken: transitions that are; None: any may be. See `configurations.Found`.
         has_way_out: whether the state around it can be left.
     """
     yield from _eps_cycles(machine, path)
@@ -140,19 +168,30 @@ def _findings(machine: MachineDef, path: str, ways: Ways, *, has_way_out: bool) 
             yield Finding("unreachable", path, state.name, state.place, f"No run can reach state '{state.name}'.")
             continue
         way, own = ways[path, state.name], list(machine.transitions_of(state.name))
-        can_leave = bool(own) or has_way_out
+        possible = [one for i, one in enumerate(own) if taken is None or (path, state.name, i) in taken]
+        impossible = {id(one) for one in own} - {id(one) for one in possible}
+        can_leave = bool(possible) or has_way_out
         exits = any(one.kind == "exit" for inner in state.spawns for one in inner.machine.transitions)
         if not (can_leave or exits or state.name.lower() in ENDS):
             message = f"State '{state.name}' cannot be left."
             yield Finding("dead_end", path, state.name, state.place, message, way)
-        elif own and not exits and not has_way_out and all(one.kind == "ontime" for one in own):
+        elif possible and not exits and not has_way_out and all(one.kind == "ontime" for one in possible):
             message = f"Only time leaves state '{state.name}': no event can end it earlier."
             yield Finding("only_time", path, state.name, state.place, message, way)
-        for one, above in _hidden(own):
-            message = f"Transition '{one.name}' is never taken: '{above.name}' in line {above.place.line} comes first."
-            yield Finding("hidden", path, one.name, one.place, message, way)
+        hidden = {id(one): above for one, above in _hidden(own)}
+        for one in own:
+            if above := hidden.get(id(one)):
+                message = (
+                    f"Transition '{one.name}' is never taken: '{above.name}' in line {above.place.line} comes first."
+                )
+                yield Finding("hidden", path, one.name, one.place, message, way)
+            elif id(one) in impossible:
+                message = (
+                    f"Transition '{one.name}' is never taken from state '{state.name}', whatever the readings are."
+                )
+                yield Finding("never", path, one.name, one.place, message, way)
         for name, inner in with_names(state.spawns):
-            yield from _findings(inner.machine, f"{path}/{state.name}/{name}", ways, has_way_out=can_leave)
+            yield from _findings(inner.machine, f"{path}/{state.name}/{name}", ways, taken, has_way_out=can_leave)
 
 
 def _hidden(own: list[Transition]) -> Iterator[tuple[Transition, Transition]]:

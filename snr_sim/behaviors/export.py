@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal, TypeAlias
 from xml.sax.saxutils import escape, quoteattr
 
 from snr_sim.behaviors.program import Block, MachineDef, Program, Spawn, StateDef, Transition, with_names
 
 Format: TypeAlias = Literal["mermaid", "dot", "scxml", "text"]
+# How often a transition was taken: by the path of its machine, the state that it leaves, its name and its line. With an
+# empty name, and line 0: whether the state was reached.
+Counts: TypeAlias = Mapping[tuple[str, str, str, int], int]
 NS_PER_MS = 1_000_000
 
 
-def draw(program: Program, to: Format = "mermaid") -> str:
+def draw(program: Program, to: Format = "mermaid", counts: Counts | None = None) -> str:
     """Return a program in a format that other tools read.
 
     Args:
         to: 'mermaid' is drawn by many editors and web pages, 'dot' by Graphviz; 'scxml' is W3C's for state machines;
             'text' is a listing.
+        counts: shown at the arrows of mermaid and dot, where states that were not reached are dashed: see coverage.py.
     """
-    formats: dict[str, Callable[[tuple[Spawn, ...]], str]] = {
-        "mermaid": _mermaid, "dot": _dot, "scxml": _scxml, "text": as_text,
-    }  # fmt: skip
-    return formats[to](program.spawns)
+    if to in ("mermaid", "dot"):
+        return (_mermaid if to == "mermaid" else _dot)(program.spawns, counts)
+    return (_scxml if to == "scxml" else as_text)(program.spawns)
 
 
 # -- listing ----------------------------------------------------------------------------------------------------------
@@ -70,8 +73,8 @@ def _events(one: Transition) -> str:
     return "".join(f" {word}" for word in words)
 
 
-def _label(one: Transition) -> str:
-    """Return what is written at an arrow: `stop`, `after 2 s`, `[is_near] / count`."""
+def _label(one: Transition, path: str = "", state: str = "", counts: Counts | None = None) -> str:
+    """Return what is written at an arrow: `stop`, `after 2 s`, `[is_near] / count`; with its count."""
     words = [] if one.signal is None else [one.signal]
     if isinstance(one.after_ns, Block):
         words.append(f"after {one.after_ns.line}")
@@ -81,16 +84,20 @@ def _label(one: Transition) -> str:
         words.append(f"[{one.condition.line}]")
     if one.effect is not None:
         words.append(f"/ {one.effect.line}")
-    return " ".join(words) or "at once"
+    count = "" if counts is None else f" ({counts[path, state, one.name, one.place.line]} times)"
+    return (" ".join(words) or "at once") + count
 
 
 # -- mermaid ----------------------------------------------------------------------------------------------------------
 
 
-def _mermaid(spawns: tuple[Spawn, ...]) -> str:
+def _mermaid(spawns: tuple[Spawn, ...], counts: Counts | None) -> str:
     lines, ids = ["stateDiagram-v2"], _Ids()
     for name, spawn in with_names(spawns):
-        lines += [f'    state "{name}" as {ids[name]} {{', *_mermaid_machine(spawn, name, ids, "        "), "    }"]
+        inside = _mermaid_machine(spawn, name, ids, counts, "        ")
+        lines += [f'    state "{name}" as {ids[name]} {{', *inside, "    }"]
+    if counts is not None:
+        lines.append("    classDef unreached fill:#eee,color:#777,stroke-dasharray:4")
     return "\n".join([*lines, ""])
 
 
@@ -110,7 +117,7 @@ class _Ids(dict[str, str]):
         return found
 
 
-def _mermaid_machine(spawn: Spawn, path: str, ids: _Ids, indent: str) -> Iterator[str]:
+def _mermaid_machine(spawn: Spawn, path: str, ids: _Ids, counts: Counts | None, indent: str) -> Iterator[str]:
     machine = spawn.machine
     yield f"{indent}[*] --> {ids[f'{path}/{spawn.initial}']}"
     for state in machine.states:
@@ -121,11 +128,14 @@ def _mermaid_machine(spawn: Spawn, path: str, ids: _Ids, indent: str) -> Iterato
             for i, (name, inner) in enumerate(with_names(state.spawns)):
                 if i:
                     yield f"{indent}    --"
-                yield from _mermaid_machine(inner, f"{path}/{state.name}/{name}", ids, indent + "    ")
+                yield from _mermaid_machine(inner, f"{path}/{state.name}/{name}", ids, counts, indent + "    ")
             yield f"{indent}}}"
+        if counts is not None and not counts[path, state.name, "", 0]:
+            yield f"{indent}class {own} unreached"
     for state in machine.states:
         for one in machine.transitions_of(state.name):
-            own, label = ids[f"{path}/{state.name}"], _label(one).replace(":", " ")
+            own = ids[f"{path}/{state.name}"]
+            label = _label(one, path, state.name, counts).replace(":", " ")
             if one.kind == "exit":  # an arrow across a border is not drawn
                 yield f"{indent}note right of {own} : {label}, leaves to {one.target}"
             else:
@@ -135,26 +145,30 @@ def _mermaid_machine(spawn: Spawn, path: str, ids: _Ids, indent: str) -> Iterato
 # -- DOT --------------------------------------------------------------------------------------------------------------
 
 
-def _dot(spawns: tuple[Spawn, ...]) -> str:
+def _dot(spawns: tuple[Spawn, ...], counts: Counts | None) -> str:
     lines = ["digraph machines {", "  compound=true; node [shape=box, style=rounded]; edge [fontsize=10];"]
     for name, spawn in with_names(spawns):
-        lines += _dot_machine(name, spawn, name, None, "  ")
+        lines += _dot_machine(name, spawn, name, None, counts, "  ")
     return "\n".join([*lines, "}", ""])
 
 
-def _dot_machine(name: str, spawn: Spawn, path: str, around: str | None, indent: str) -> Iterator[str]:
+def _dot_machine(
+    name: str, spawn: Spawn, path: str, around: str | None, counts: Counts | None, indent: str
+) -> Iterator[str]:
     machine, inner = spawn.machine, indent + "  "
     yield f'{indent}subgraph "cluster_{path}" {{ label="{name}";'
     yield f'{inner}"{path}/" [shape=point]; "{path}/" -> "{path}/{spawn.initial}";'
     for state in machine.states:
-        yield f'{inner}"{path}/{state.name}" [label="{state.name}"];'
+        is_unreached = counts is not None and not counts[path, state.name, "", 0]
+        style = ', style="rounded,dashed", fontcolor=gray' if is_unreached else ""
+        yield f'{inner}"{path}/{state.name}" [label="{state.name}"{style}];'
         for below, nested in with_names(state.spawns):
-            yield from _dot_machine(below, nested, f"{path}/{state.name}/{below}", path, inner)
+            yield from _dot_machine(below, nested, f"{path}/{state.name}/{below}", path, counts, inner)
             yield f'{inner}"{path}/{state.name}" -> "{path}/{state.name}/{below}/" [style=dotted, arrowhead=none];'
     for state in machine.states:
         for one in machine.transitions_of(state.name):
             home = around if one.kind == "exit" else path
-            label = _label(one).replace("\\", "\\\\").replace('"', '\\"')
+            label = _label(one, path, state.name, counts).replace("\\", "\\\\").replace('"', '\\"')
             yield f'{inner}"{path}/{state.name}" -> "{home}/{one.target}" [label="{label}"];'
     yield f"{indent}}}"
 

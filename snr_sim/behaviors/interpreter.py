@@ -134,7 +134,7 @@ class Interpreter:
         self.problems: dict[tuple[int, str], RunProblem] = {}
         self.past_problems: dict[tuple[int, str, str], RunProblem] = {}
         self.breaks: list[int] = []
-        self._violated: set[int] = set()  # lines of rules that did not hold after the last step
+        self._violated: set[int] = set()  # numbers of rules that did not hold after the last step
         self._changes: list[Change] = []
         self._failed: list[BoundMachine] = []
         self._is_answered = False
@@ -239,7 +239,7 @@ class Interpreter:
         if not self._running:
             return
         entered = {state for _, state in self.entered}
-        for rule, holds in self._bound.rules:
+        for number, (rule, holds) in enumerate(self._bound.rules):
             if rule.kind == "break" and rule.name not in entered:
                 continue
             self.context.machine = self._running[0]
@@ -255,9 +255,9 @@ class Interpreter:
                 if is_true:
                     self.breaks.append(line)
             elif is_true:
-                self._violated.discard(line)
-            elif line not in self._violated:
-                self._violated.add(line)
+                self._violated.discard(number)
+            elif number not in self._violated:
+                self._violated.add(number)
                 self._add_problem(self._running[0], line, rule.name, "it must always hold, and does not.")
 
     # -- one step -----------------------------------------------------------------------------------------------------

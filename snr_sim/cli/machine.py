@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,7 +34,10 @@ def machine(
         ),
     ],
     name: Annotated[str, typer.Option(help="Which machine, if a Python file or a run has several.")] = "",
-    to: Annotated[str, typer.Option("--as", help="Of draw: mermaid, dot, scxml or text.")] = "mermaid",
+    to: Annotated[
+        str,
+        typer.Option("--as", help="Of draw: mermaid, dot, scxml or text. Of coverage: mermaid or dot, with counts."),
+    ] = "",
     robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
     machine_path: Annotated[str, typer.Option("--machine", help="Of why: path of a machine; all if not given.")] = "",
     target: Annotated[str, typer.Option("--to", help="Of why: only transitions to this state.")] = "",
@@ -48,7 +52,9 @@ def machine(
     min_percent: Annotated[float, typer.Option("--min", help="Of coverage: exit status 1 below it.")] = 0.0,
     port: Annotated[int, typer.Option(help="Of view: not any free port, but this one.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Of edits: folder that its files go into.")] = None,
-    other: Annotated[str, typer.Argument(help="Of diff the new program, of try a run; the newest if none.")] = "",
+    cases: Annotated[int, typer.Option(help="Of try without a run: how many random stories.")] = 1000,
+    is_strict: Annotated[bool, typer.Option("--strict", help="Of try: a block that fails is a failure, too.")] = False,
+    other: Annotated[str, typer.Argument(help="Of diff the new program, of try a run.")] = "",
     trust: Trust = False,
     as_json: AsJson = False,
 ) -> None:
@@ -63,27 +69,29 @@ def machine(
     --with, between the program of a run and another one, when the first of them is evaluated in that run, and where
     the replay with the other program first differs. try runs a changed program on the inputs of a recorded run:
     where its changes of state begin to differ, and which states it visits. It is a rehearsal: the recorded readings
-    do not answer it. lag prints how old readings were when machines decided, and how long commands took. record
-    prints a piece of a run as a Python test, which runs the program on the readings of that piece and expects the
-    recorded changes of state. why executes the run again and prints each transition that was looked at, with the
+    do not answer it. Without a run, it tries random signals, readings and times, and prints the shortest story after
+    which a rule (always ...) does not hold, as a test. lag prints how old readings were when machines decided, and
+    how long commands took. record prints a piece of a run as a Python test, which runs the program on the readings of
+    that piece and expects the recorded changes of state. why executes the run again and prints each transition that was looked at, with the
     values of its condition: at one moment step by step, over an interval as a summary. view serves a page that
     shows the machine at any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
     --min, of diff 1 if there are differences, and 3 if the replay differs before any changed element is evaluated,
-    of edits and try 1 if the second run differs, of record 1 if the test would fail.
+    of edits and try 1 if the second run differs or a story fails, of record 1 if the test would fail.
     """
     if what not in _WHAT:
         raise UnknownNameError(f"snr machine cannot '{what}'.", fix=suggest(what, _WHAT))
-    if to not in _FORMATS:
-        raise UnknownNameError(f"There is no format '{to}'.", fix=suggest(to, _FORMATS))
+    formats = _FORMATS[:2] if what == "coverage" else _FORMATS
+    if to not in ("", *formats):
+        raise UnknownNameError(f"There is no format '{to}'.", fix=suggest(to, formats))
     run = Path(file)
     if what == "check":
         _check(file, name, robot, as_json)
     elif what == "coverage":
         from snr_sim.cli.machine_coverage import coverage
 
-        coverage(file, seeds, controller, min_percent, as_json=as_json)
+        coverage(file, seeds, controller, min_percent, to=to, as_json=as_json)
     elif what == "diff":
         from snr_sim.cli.machine_diff import diff, diff_in_run
 
@@ -105,10 +113,16 @@ def machine(
         from snr_sim.cli.machine_record import record
 
         record(run, name, with_file, from_s, until_s, trust=trust)
+    elif what == "try" and not other:
+        from snr_sim.cli.machine_stories import try_stories
+        from snr_sim.scenario.library import bridge_of_robot
+
+        bridge = bridge_of_robot(robot) if robot else None
+        try_stories(_program_in(file, name, robot), run, bridge, cases, is_strict=is_strict, as_json=as_json)
     elif what == "try":
         from snr_sim.cli.machine_try import try_program
 
-        try_program(file, Path(other) if other else None, trust=trust, as_json=as_json)
+        try_program(file, Path(other), trust=trust, as_json=as_json)
     elif what == "view":
         from snr_sim.cli.machine_view import view
 
@@ -120,7 +134,7 @@ def machine(
             from_s, until_s = at, at + SAME_MOMENT_S
         why(run, machine_path, target, from_s, until_s, trust=trust, as_json=as_json)
     else:
-        _draw(_program_in(file, name, robot), to, as_json)
+        _draw(_program_in(file, name, robot), to or "mermaid", as_json)
 
 
 def _draw(program: Program, to: str, as_json: bool) -> None:
@@ -135,23 +149,29 @@ def _explore(program: Program, file: str, as_json: bool) -> None:
     """Print what a program can do at all; exit with status 1 if something may be a mistake."""
     from snr_sim.behaviors.explore import explore
 
-    found, count = explore(program)
+    found = explore(program)
     if as_json:
         rows = [
             {
                 "kind": one.kind, "machine": one.machine, "name": one.name, "line": one.place.line,
                 "message": one.message, "word": list(one.word),
             }
-            for one in found
+            for one in found.findings
         ]  # fmt: skip
-        print_json({"configurations": count, "findings": rows})
+        print_json({**found._asdict(), "findings": rows})
     else:
-        for one in found:
+        for one in found.findings:
             print_text(f"{file}:{one.place.line}: {one.message}")
             if one.word:
-                print_text(f"    shortest way there: {', '.join(one.word)}")
-        print_text(f"{count} configurations, {len(found) or 'nothing'} found")
-    if any(one.kind != "only_time" for one in found):
+                runs = [(name, len(list(run))) for name, run in groupby(one.word)]
+                way = (name if count == 1 else f"{name} ({count} times)" for name, count in runs)
+                print_text(f"    shortest way there: {', '.join(way)}")
+        for name in found.undecided:
+            print_text(f"whether '{name}' always holds depends on readings or on variables that are not followed")
+        if found.left_out:
+            print_text(f"not followed, as they have too many values: {', '.join(found.left_out)}")
+        print_text(f"{found.configurations} configurations, {len(found.findings) or 'nothing'} found")
+    if any(one.kind != "only_time" for one in found.findings):
         raise typer.Exit(1)
 
 

@@ -19,10 +19,13 @@ from snr_sim.scenario.simulation_run import SimulationRun
 MAX_SEEDS = 10_000
 
 
-def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, as_json: bool) -> None:
+def coverage(
+    scenario: str, seeds: str, controller: str, min_percent: float, *, to: str = "", as_json: bool = False
+) -> None:
     """Run a scenario with several seeds, "0..19" or one, unrecorded, and print what its machines reached.
 
-    The exit status is 1 if it is less than `min_percent` of states and transitions.
+    The exit status is 1 if it is less than `min_percent` of states and transitions. With a format `to`, the machines
+    are drawn in it with counts.
     """
     found: dict[str, tuple[Program, Coverage]] = {}
     with capture_output(is_json=True):
@@ -30,6 +33,11 @@ def coverage(scenario: str, seeds: str, controller: str, min_percent: float, *, 
     reports = {name: counted.report(program) for name, (program, counted) in found.items()}
     if as_json:
         print_json({"outcomes": outcomes, "machines": reports})
+    elif to:
+        from snr_sim.behaviors.export import draw
+
+        for program, counted in found.values():
+            print_text(draw(program, to, counted.counts(program)), end="")  # type: ignore[arg-type]
     else:
         print_text("runs: " + ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items()))
         for name, report in reports.items():
@@ -87,6 +95,11 @@ def _print(name: str, report: dict[str, Any]) -> None:
         where = f"    line {row['line']:<4} {row['machine']}: condition {row['condition']}"
         if bool(row["was_true"]) != bool(row["was_false"]):
             print_text(f"{where} was never {'false' if row['was_true'] else 'true'}")
+    pairs = report["pairs"]
+    if pairs:
+        print_text(
+            f"    {sum(row['taken'] > 0 for row in pairs)} of {len(pairs)} pairs of transitions in sequence"
+        )  # exact: integers
     for row in report["time_outs"]:
         where = f"    line {row['line']:<4} {row['machine']}: the time of {row['transition']} in {row['state']}"
         if not row["fired"]:

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 Change = dict[str, Any]
 
 
-def try_program(file: str, run: Path | None, *, trust: bool, as_json: bool) -> None:
+def try_program(file: str, run: Path, *, trust: bool, as_json: bool) -> None:
     """Run a program on the inputs of a recorded run, and print where its changes of state begin to differ.
 
     Args:
         file: the program.
-        run: folder of the run; the newest if None.
+        run: its folder.
         trust: whether files of another user may be executed without a question.
         as_json: whether to print JSON.
     """

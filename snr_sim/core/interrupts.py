@@ -99,7 +99,7 @@ def graceful_shutdown(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
         if node.machine.running is not None:
             raise RunInterrupted(f"component '{node.machine.running.name}' did not return")
 
-    def on_overdue(number: int, frame: FrameType | None) -> None:
+    def on_overdue(_: int, frame: FrameType | None) -> None:
         for node in nodes:
             call = node.machine.guarded_call  # None if it has returned meanwhile
             if call is None or call.attempts == 0:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from snr_sim.testing.fakes import FakeSensor as FakeSensor
     from snr_sim.testing.function_components import FunctionEndpointFactory as FunctionEndpointFactory
     from snr_sim.testing.function_components import FunctionLoopFactory as FunctionLoopFactory
+    from snr_sim.testing.machines import MachineStory as MachineStory
+    from snr_sim.testing.machines import random_stories as random_stories
     from snr_sim.testing.pwm_contract import PwmBench as PwmBench
     from snr_sim.testing.pwm_contract import check_pwm_out as check_pwm_out
     from snr_sim.testing.virtual_gamepad import VirtualGamepad as VirtualGamepad

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 import typer
 
-from snr_sim.behaviors import Interpreter, exits, machine, on, parse, state
+from snr_sim.behaviors import Interpreter, draw, exits, machine, on, parse, state
 from snr_sim.behaviors.coverage import Coverage
+from snr_sim.cli.machine import machine as machine_verb
 from snr_sim.cli.machine_coverage import coverage
 from snr_sim.cli.machine_why import why
 from snr_sim.prelude.errors import ParameterError, UnknownNameError
@@ -82,6 +83,57 @@ def test_exit_reaches_the_state_around_and_spawned_machines_begin() -> None:
     }  # fmt: skip
     interpreter.step(1, "out")
     assert counted.report(made)["percent"] == 100.0
+
+
+BACK_AND_FORTH = TEXT.replace("[n > 100] b -> c", "[in_state_ms >= 20] b -> a").replace(
+    "[n > 3]", "[in_state_ms >= 30]"
+)
+
+
+def test_pairs_of_transitions_are_counted_within_a_run() -> None:
+    counted = covered(BACK_AND_FORTH, 40)
+    again = Interpreter(parse(BACK_AND_FORTH), evaluations=counted)
+    again.spawn(0)
+    for i in range(1, 41):
+        again.step(i * 10_000_000)
+    rows = {(row["first"], row["then"]): row["taken"] for row in counted.report(parse(BACK_AND_FORTH))["pairs"]}
+    assert rows == {
+        ("a->b", "b->a"): 0, ("by_count", "b->a"): 16,
+        ("b->a", "a->b"): 0, ("b->a", "by_count"): 14, ("b->a", "a->c"): 0,
+    }  # fmt: skip
+
+
+def test_pair_of_an_exit_begins_inside_and_continues_around() -> None:
+    inner = machine("inner", "x", [state("x", on("in", to="y")), state("y", exits(on("out", to="b")))])
+    made = machine("outer", "a", [state("a", machines=[inner]), state("b", on("back", to="a"))])
+    counted = Coverage()
+    interpreter = Interpreter(made, evaluations=counted)
+    interpreter.spawn(0)
+    for i, signal in enumerate(("in", "out", "back", "in", "out")):
+        interpreter.step(i + 1, signal)
+    rows = {(row["first"], row["then"]): row["taken"] for row in counted.report(made)["pairs"]}
+    assert rows == {("x->y", "y->b"): 2, ("y->b", "b->a"): 1}
+
+
+def test_drawing_shows_counts_and_states_that_were_not_reached() -> None:
+    counts = covered(BACK_AND_FORTH, 40).counts(parse(BACK_AND_FORTH))
+    mermaid = draw(parse(BACK_AND_FORTH), "mermaid", counts)
+    assert "m_a --> m_b : go (0 times)" in mermaid
+    assert "m_b --> m_a : [in_state_ms >= 20] (8 times)" in mermaid
+    assert [line.strip() for line in mermaid.splitlines() if "unreached" in line] == [
+        "class m_c unreached", "classDef unreached fill:#eee,color:#777,stroke-dasharray:4",
+    ]  # fmt: skip
+    dot = draw(parse(BACK_AND_FORTH), "dot", counts)
+    assert '"m/c" [label="c", style="rounded,dashed", fontcolor=gray];' in dot
+    assert '"m/b" [label="b"];' in dot
+
+
+def test_verb_draws_what_was_reached(inside: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine_verb("coverage", "lander_vertical", seeds="0", controller=str(inside), to="dot")
+    shown = capsys.readouterr().out
+    assert '"fall/high" -> "fall/low" [label="[is_low] (1 times)"];' in shown
+    with pytest.raises(UnknownNameError, match="no format 'scxml'"):
+        machine_verb("coverage", "lander_vertical", to="scxml")
 
 
 @pytest.mark.slow
@@ -159,6 +211,7 @@ def test_verb_names_conditions_and_time_outs(tmp_path: Path, capsys: pytest.Capt
     assert "fall: the time of low->high in low was never over: " in shown
     assert "fall: condition lambda in line" in shown
     assert "was never false" in shown
+    assert "0 of 2 pairs of transitions in sequence" in shown
 
 
 def test_interpreter_inside_a_component_is_explained(inside: Path, capsys: pytest.CaptureFixture[str]) -> None:

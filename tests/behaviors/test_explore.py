@@ -20,7 +20,7 @@ from snr_sim.scenario import library
 
 
 def kinds(text: str) -> list[tuple[str, str]]:
-    return [(one.kind, one.name) for one in explore(parse(text))[0]]
+    return [(one.kind, one.name) for one in explore(parse(text)).findings]
 
 
 SOUND = """(machine m
@@ -35,7 +35,7 @@ SOUND = """(machine m
 
 def test_sound_program_has_no_findings() -> None:
     assert kinds(SOUND) == []
-    assert explore(parse(SOUND))[1] == 3
+    assert explore(parse(SOUND)).configurations == 3
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_planted_mistake_is_found(old: str, new: str, found: list[tuple[str, str
 
 def test_shortest_way_is_named() -> None:
     text = SOUND.replace("(state done)", "(state lost)").replace("-> done", "-> lost")
-    (finding,) = explore(parse(text))[0]
+    (finding,) = explore(parse(text)).findings
     assert finding.word == ("a->b", "b->lost")
     assert finding.place.line == 3
 
@@ -73,13 +73,15 @@ def test_machines_inside_states_are_searched() -> None:
         "inner", "x", [state("x", on("k", to="y")), state("y", exits(on("out", to="b"))), state("z", on("k", to="x"))]
     )
     made = machine("outer", "a", [state("a", machines=[inner]), state("b", on("back", to="a"))])
-    assert [(one.kind, one.machine, one.name) for one in explore(made)[0]] == [("unreachable", "outer/a/inner", "z")]
+    assert [(one.kind, one.machine, one.name) for one in explore(made).findings] == [
+        ("unreachable", "outer/a/inner", "z")
+    ]
 
 
 def test_state_inside_one_that_can_be_left_is_not_a_dead_end() -> None:
     inner = machine("inner", "x", [state("x", on("k", to="y")), state("y")])
     made = machine("outer", "a", [state("a", on("back", to="b"), machines=[inner]), state("b", on("back", to="a"))])
-    assert explore(made)[0] == []
+    assert explore(made).findings == []
 
 
 def test_functions_of_one_name_hide_each_other_only_if_they_are_the_same() -> None:
@@ -89,7 +91,7 @@ def test_functions_of_one_name_hide_each_other_only_if_they_are_the_same() -> No
     stop, wet = known("stop"), known("wet")
     rows = on(stop, to="b"), on(wet, to="b"), on(stop, to="c")
     made = machine("m", "a", [state("a", *rows), state("b", on("go", to="c")), state("c", on("go", to="a"))])
-    assert [(one.kind, one.name) for one in explore(made)[0]] == [("hidden", "a->c")]
+    assert [(one.kind, one.name) for one in explore(made).findings] == [("hidden", "a->c")]
 
 
 def test_emergency_stop_hides_nothing() -> None:
@@ -97,7 +99,7 @@ def test_emergency_stop_hides_nothing() -> None:
         "m", "a", [state("a", on("go", to="b")), state("b", after(1.0, to="a")), state("stopped")],
         anywhere=[on("stop", to="stopped")],
     )  # fmt: skip
-    assert explore(made)[0] == []
+    assert explore(made).findings == []
 
 
 def above(limit: float) -> Any:
@@ -131,8 +133,8 @@ def test_conditions_that_are_two_functions_of_one_name_hide_nothing(first: Any, 
         arrows = [on(one, to="b", name=name) for one, name in zip(conditions, "pq", strict=True)]
         return machine("m", "a", [state("a", *arrows), state("b", on("back", to="a"))])
 
-    assert explore(made(first, second))[0] == []
-    assert [one.kind for one in explore(made(first, first))[0]] == ["hidden"]
+    assert explore(made(first, second)).findings == []
+    assert [one.kind for one in explore(made(first, first)).findings] == ["hidden"]
     if first not in (ONE.is_above,):  # of which the object is not shown
         assert made(first, second).sha256 != made(first, first).sha256
 
@@ -147,7 +149,7 @@ def test_states_that_all_follow_each_other_at_once_are_reported_in_time() -> Non
     names = [f"s{i}" for i in range(40)]
     arrows = "".join(f"(eps {a} -> {b})" for a in names for b in names if a != b)
     text = f"(machine m {''.join(f'(state {name})' for name in names)}{arrows})(spawn m s0)"
-    found = [one.message for one in explore(parse(text))[0] if one.kind == "eps_cycle"]
+    found = [one.message for one in explore(parse(text)).findings if one.kind == "eps_cycle"]
     assert len(found) == 39
     assert "These states follow each other at once: s0 -> s1 -> s0." in found
 
@@ -159,8 +161,8 @@ def test_large_program_is_searched_in_time() -> None:
     both = [ring("p", 4000), ring("q", 4000)]
     made = machine("outer", "a", [state("a", on("back", to="b"), machines=both), state("b", on("back", to="a"))])  # type: ignore[arg-type]
     begun_s = time.process_time()
-    found, count = explore(made)
-    assert (found, count) == ([], 16_000_001)
+    found = explore(made)
+    assert (found.findings, found.configurations) == ([], 16_000_001)
     assert time.process_time() - begun_s < 3.0
 
 
@@ -169,7 +171,7 @@ def test_exit_of_an_inner_machine_is_on_the_shortest_way() -> None:
         "i", "p", [state("p", on("k", to="q", name="in")), state("q", exits(on("out", to="b", name="out")))]
     )
     made = machine("m", "a", [state("a", machines=[inner]), state("b", on("on", to="c", name="on")), state("c")])
-    (finding,) = explore(made)[0]
+    (finding,) = explore(made).findings
     assert (finding.name, finding.word) == ("c", ("in", "out", "on"))
 
 
@@ -186,7 +188,7 @@ def test_unreachable_states_are_not_entered_by_any_word(arrows: list[tuple[int, 
     forms = "".join(f"(event {name})" for name in "pqr") + "".join(f"(state s{i})" for i in range(6))
     moves = "".join(f"(on {name} s{a} -> s{b} t{i})" for i, (a, b, name) in enumerate(arrows))
     program = parse(f"(machine m {forms}{moves})(spawn m s0)")
-    found, _ = explore(program)
+    found = explore(program).findings
     unreachable = {one.name for one in found if one.kind == "unreachable"}
     hidden = {one.name for one in found if one.kind == "hidden"}
     interpreter = Interpreter(program)
@@ -201,7 +203,7 @@ def test_unreachable_states_are_not_entered_by_any_word(arrows: list[tuple[int, 
 @pytest.mark.parametrize("name", ["explorer", "weaver", "stutter", "stop"])
 def test_programs_of_dora_are_sound(name: str) -> None:
     file = library.find("robots", "dora").path / "controllers" / f"{name}.lrp"
-    found, _ = explore(parse(file.read_text()))
+    found = explore(parse(file.read_text())).findings
     assert [one for one in found if one.kind not in ("only_time",)] == []
 
 

@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from typing import Any
 
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 from snr_sim.behaviors import (
-    Interpreter,
-    Program,
     after,
     always,
     draw,
@@ -23,8 +16,6 @@ from snr_sim.behaviors import (
     side_by_side,
     state,
 )
-from snr_sim.behaviors.export import as_text
-from snr_sim.behaviors.program import ANY, MachineDef, Place, Spawn, StateDef, Transition
 
 
 def is_near(m: Any) -> bool:
@@ -111,60 +102,6 @@ def test_time_outs_are_delayed_events_that_leaving_cancels() -> None:
     text = draw(MISSION, "scxml")
     assert '<send id="after.mission.grab.2" event="after.mission.grab.2" delay="2500ms"/>' in text
     assert '<cancel sendid="after.mission.grab.2"/>' in text
-
-
-# -- another tool -----------------------------------------------------------------------------------------------------
-#
-# The common subset: signals. A machine inside has signals of its own, and exits others again, since in SCXML an inner
-# transition wins over an outer one. Only a machine that is alone in its state exits: of two that exit at once, tools
-# choose differently.
-
-
-@st.composite
-def machines(draw: Any, depth: int, around: list[str] | None) -> Spawn:
-    names = ["a", "b", "c"][: draw(st.integers(1, 3))]
-    signals = [f"s{depth}", f"t{depth}"]
-    states = []
-    for name in names:
-        count = draw(st.integers(0, 2)) if depth else 0
-        targets = names if count == 1 else None
-        states.append(StateDef(name, tuple(draw(machines(depth - 1, targets)) for _ in range(count))))
-    arrows = []
-    for _ in range(draw(st.integers(0, 5))):
-        source = draw(st.sampled_from([ANY, *names]))
-        if around and draw(st.booleans()):
-            arrows.append(Transition("exit", source, draw(st.sampled_from(around)), "", Place(), f"e{depth}"))
-        else:
-            arrows.append(
-                Transition("on", source, draw(st.sampled_from(names)), "", Place(), draw(st.sampled_from(signals)))
-            )
-    return Spawn(
-        MachineDef(draw(st.sampled_from(["m", "n"])), tuple(states), tuple(arrows)), draw(st.sampled_from(names))
-    )
-
-
-@given(
-    st.lists(machines(2, None), min_size=1, max_size=2),
-    st.lists(st.sampled_from([f"{kind}{depth}" for kind in "ste" for depth in range(3)]), max_size=40),
-)
-def test_another_tool_that_reads_our_scxml_is_in_the_same_states(spawns: list[Spawn], word: list[str]) -> None:
-    pytest.importorskip("statemachine")
-    from statemachine.io.scxml.processor import SCXMLProcessor
-
-    text = as_text(tuple(spawns))
-    program = Program(text, hashlib.sha256(text.encode()).hexdigest(), tuple(spawns))
-    processor = SCXMLProcessor()
-    processor.parse_scxml("machine", draw(program, "scxml"))
-    theirs, ours = processor.start(), Interpreter(program)
-    ours.spawn(0)
-    for i, signal in enumerate(["", *word]):
-        if signal:
-            theirs.send(signal)
-            ours.step(i, signal)
-        due = {"all"}
-        for path, name in ours.active.items():
-            due |= {one.replace("/", ".").replace("#", ".") for one in (path, f"{path}/{name}")}
-        assert {one.id for one in theirs.configuration} == due, signal
 
 
 def test_machines_side_by_side_are_drawn_side_by_side() -> None:

@@ -164,6 +164,13 @@ RULES = """(var n := [0])
 """
 
 
+def test_two_rules_in_one_line_are_both_noted() -> None:
+    interpreter = Interpreter(parse("(machine m (state a))(always one [1 > 2])(always two [1 > 3])(spawn m a)"))
+    interpreter.spawn(0)
+    interpreter.step(1)
+    assert {(block, one.count) for (_, block), one in interpreter.problems.items()} == {("one", 1), ("two", 1)}
+
+
 def test_rule_that_does_not_hold_is_noted_once_each_time_that_it_begins() -> None:
     machine = Interpreter(parse(RULES))
     machine.spawn(0)

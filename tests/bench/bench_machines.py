@@ -8,10 +8,11 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from harness import Benchmark, Row, compare
+from harness import Benchmark, Outcome, Row, Skipped, compare, what_can_run
 
 from snr_sim import Config, Endpoint, SimClock, SimRunner, handles
 from snr_sim.behaviors import (
@@ -259,9 +260,97 @@ def editing(is_quick: bool) -> Iterator[Row]:
     yield Row("continue with the changed program", min(edit_ms), "ms", limit=2.0)
 
 
-def measure(is_quick: bool) -> Iterator[Row]:
+class Near:
+    """What the machines of other packages belong to: their condition is that of `SWITCH`."""
+
+    def __init__(self) -> None:
+        self.pages = {"range": 10.0}
+
+    def is_near(self) -> bool:
+        return self.pages["range"] < NEAR_CM
+
+
+# Each returns what takes one guarded transition of the same two states.
+
+
+def of_transitions() -> Callable[[], Any]:
+    import transitions
+
+    near = Near()
+    arrows = [
+        {"trigger": "go", "source": a, "dest": b, "conditions": near.is_near} for a, b in (("a", "b"), ("b", "a"))
+    ]
+    transitions.Machine(near, ["a", "b"], initial="a", transitions=arrows, auto_transitions=False)
+    return near.go  # type: ignore[attr-defined, no-any-return]
+
+
+def of_statemachine() -> Callable[[], Any]:
+    from statemachine import State, StateMachine
+
+    class Switch(StateMachine):
+        a, b = State(initial=True), State()
+        go = a.to(b, cond="is_near") | b.to(a, cond="is_near")
+
+    machine = Switch(Near())
+    return lambda: machine.send("go")
+
+
+def of_sismic() -> Callable[[], Any]:
+    from sismic.interpreter import Interpreter as Sismic
+    from sismic.io.datadict import import_from_dict
+
+    states = [
+        {"name": a, "transitions": [{"event": "go", "guard": "near.is_near()", "target": b}]}
+        for a, b in (("a", "b"), ("b", "a"))
+    ]
+    root = {"name": "root", "initial": "a", "states": states}
+    theirs = Sismic(
+        import_from_dict({"statechart": {"name": "switch", "root state": root}}), initial_context={"near": Near()}
+    )
+    theirs.execute()
+
+    def step() -> None:
+        theirs.queue("go")
+        theirs.execute_once()
+
+    return step
+
+
+def neighbours(count: int, rounds: int) -> Iterator[Outcome]:
+    """Yield what a guarded transition takes in other packages."""
+
+    def repeated(make: Callable[[], Callable[[], Any]]) -> Benchmark:
+        def prepare() -> Callable[[], Any]:
+            step = make()
+
+            def run() -> None:
+                for _ in range(count):
+                    step()
+
+            return run
+
+        return prepare
+
+    ours = steps_of(interpreted(SWITCH), count, is_moving=False)
+    for package, make in (
+        ("transitions", of_transitions), ("python-statemachine", of_statemachine), ("sismic", of_sismic),
+    ):  # fmt: skip
+
+        def row(package: str = package, make: Callable[[], Any] = make) -> Iterator[Row]:
+            make()
+            found = compare(ours, repeated(make), rounds=rounds)
+            ours_us, theirs_us = (1e6 * one_s / count for one_s in found.shortest_s)
+            name = f"a guarded transition of {package} {version(package)}"
+            yield Row(name, theirs_us, "us", baseline=ours_us, compared_to="ours", ratio=found.ratios[1])
+
+        yield from what_can_run(f"a guarded transition of {package}", row)
+    yield Skipped("a guarded transition of smach", "it is part of ROS, and in no package index")
+
+
+def measure(is_quick: bool) -> Iterator[Outcome]:
     """Yield the rows."""
     yield from editing(is_quick)
+    yield from neighbours(500 if is_quick else 5000, 3 if is_quick else 7)
     count, rounds = (20_000, 3) if is_quick else (100_000, 15)
     for name, hand, program, is_moving, limit in (
         ("a step: three conditions and a time-out, none due", HandIdle, IDLE, False, 4.0),

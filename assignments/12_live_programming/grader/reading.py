@@ -25,6 +25,6 @@ def read_program(text: bytes) -> dict[str, Any]:
     except ProgramError as error:
         first = error.problems[0]
         return {"mistake": f"line {first.place.line}: {first.message}", "files": files, "machine": "", "findings": []}
-    found = [f"line {one.place.line}: {one.message}" for one in explore(program)[0] if one.kind != "only_time"]
+    found = [f"line {one.place.line}: {one.message}" for one in explore(program).findings if one.kind != "only_time"]
     machine = program.spawns[0].machine.name if program.spawns else ""
     return {"mistake": "", "files": files, "machine": machine, "findings": found}
