@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Mapping, Sequence
 from types import GeneratorType
 from typing import Any, Literal
@@ -146,15 +147,20 @@ class ControlProcess(Loop):
     def loop(self) -> None:
         """Follow the reference machine, then run the state."""
         page = self.parent.get_page(self.factory.of)
-        if page is None:
-            return
-        leave = page.data["leaving"].get(self.name, 0)
+        if page is not None:
+            self._look_at(page.data)
+        is_running = self._state is not None and not self._has_ended and not self._is_crashed
+        waits_until_s = 0.0 if self._generator is None else self._until_s
+        self.idle_until_s = waits_until_s if is_running else math.inf
+
+    def _look_at(self, data: Mapping[str, Any]) -> None:
+        leave = data["leaving"].get(self.name, 0)
         if self._is_crashed:
             if leave <= self._left:
                 return
             self._is_crashed, self._state, self._generator = False, None, None  # it may be attached again
         try:
-            self._follow(page.data, leave)
+            self._follow(data, leave)
         except Exception as error:
             self._is_crashed = True
             text = describe_error(error, f"in {type(self._state).__name__} of control process '{self.name}'")
