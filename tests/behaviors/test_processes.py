@@ -687,3 +687,23 @@ def test_idle_control_processes_take_less_than_a_hundredth_of_a_core() -> None:
     ]
     Node("r", Config(factories={"r": parts}), clock=WallClock()).loop()
     assert used_s[1] - used_s[0] < 0.1
+
+
+@pytest.mark.wall_clock
+def test_clock_that_sleeps_wakes_for_the_deadline_of_a_stuck_process() -> None:
+    def note(task: Any, key: Any) -> Any:
+        passed_s.append(node.get_time_s())
+        return tasks.terminate("seen")
+
+    passed_s: list[float] = []
+    parts = [
+        *reference_parts(STATES, observers=["P1", "P2"], stop_timeout_s=0.5, on_stuck="detach"),
+        ControlProcessFactory("P1", "reference", of(Stuck)),
+        ControlProcessFactory("P2", "reference", of(Idle)),
+        FunctionEndpointFactory({(TaskType.event, "reference.transition"): note}, "watcher"),
+        event_at(1.0, "EventA"),
+        TimeoutLoopFactory(seconds=10.0),
+    ]
+    node = Node("r", Config(factories={"r": parts}), clock=WallClock())
+    node.loop()
+    assert 1.5 <= passed_s[0] < 3.0
