@@ -192,7 +192,7 @@ class RosSession:
             has_answer = page is not None and page is not call.before
             if has_answer or now_s >= call.over_s:
                 self._calls.remove(call)
-                answer = _message(page) if has_answer else f"No answer within {call.request.timeout:g} s."
+                answer: Any = _message(page) if has_answer else f"No answer within {call.request.timeout:g} s."
                 self._send(_response(call.request, answer, has_answer))
 
 
@@ -200,11 +200,19 @@ def _unknown(what: str, name: str, known: Mapping[str, object]) -> str:
     return f"There is no {what} '{name:.80}': {suggest(name[:80], known)}"
 
 
-def _message(page: Page | None) -> Any:
-    """Return the message of a page: of JSON values, whatever else it contains is text."""
+def _message(page: Page | None) -> msgspec.Raw:
+    """Return the message of a page; what JSON cannot have is text."""
     assert page is not None
-    data = msgspec.to_builtins(page.data, enc_hook=lambda value: getattr(value, "tolist", value.__repr__)())
-    return data if isinstance(data, dict) else {"data": data}
+    try:
+        data = msgspec.to_builtins(page.data, str_keys=True, enc_hook=_plain)
+        return msgspec.Raw(msgspec.json.encode(data if isinstance(data, dict) else {"data": data}))
+    except (TypeError, ValueError, RecursionError):  # keys that are tuples, half a character of two
+        return msgspec.Raw(msgspec.json.encode({"data": ascii(page.data)[:MAX_NAME_CHARS]}))
+
+
+def _plain(value: Any) -> Any:
+    """Return an array as lists, and any other object as text."""
+    return value.tolist() if hasattr(value, "tolist") else repr(value)
 
 
 def _response(request: Request, values: Any, result: bool) -> bytes:

@@ -128,7 +128,10 @@ def test_throttled_topic_gets_the_newest_page_only(ros: Ros) -> None:
     assert sent == [0, 10, 20]
 
 
-@pytest.mark.parametrize("data", [np.arange(3.0), {"a": np.float64(2.0)}, (1, None), float("nan"), {1: b"x"}, {(1, 2)}])
+@pytest.mark.parametrize(
+    "data",
+    [np.arange(3.0), {"a": np.float64(2.0)}, (1, None), float("nan"), {1: b"x"}, {(1, 2)}, {(1, 2): 3}, "\ud800"],
+)
 def test_page_of_any_data_is_sent_as_json(data: Any, ros: Ros) -> None:
     ros.ask("subscribe", topic="/count")
     ros.node.store_data("count", data)
