@@ -61,20 +61,20 @@ def machine(
     """Draw or check the state machines of a file, or explain those of a run.
 
     draw prints a machine in a format that other programs draw: mermaid in an editor or on a web page, dot with
-    Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program
-    or doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or
-    that cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints
-    which states and transitions were not reached. edits writes the programs of a run that was edited as files, and
-    runs it again with them. diff prints which states, transitions and variables differ between two programs; with
-    --with, between the program of a run and another one, when the first of them is evaluated in that run, and where
-    the replay with the other program first differs. try runs a changed program on the inputs of a recorded run:
-    where its changes of state begin to differ, and which states it visits. It is a rehearsal: the recorded readings
-    do not answer it. Without a run, it tries random signals, readings and times, and prints the shortest story after
-    which a rule (always ...) does not hold, as a test. lag prints how old readings were when machines decided, and
-    how long commands took. record prints a piece of a run as a Python test, which runs the program on the readings of
-    that piece and expects the recorded changes of state. why executes the run again and prints each transition that was looked at, with the
-    values of its condition: at one moment step by step, over an interval as a summary. view serves a page that
-    shows the machine at any moment of the run, as `snr run --live` does while it runs.
+    Graphviz; scxml is W3C's format of state machines, and text a listing. check prints what is wrong with a program or
+    doubtful, with lines and columns. explore searches what it can do at all: states that no run can reach, or that
+    cannot be left, transitions that never come first. coverage runs a scenario with several seeds and prints which
+    states and transitions were not reached. edits writes the programs of a run that was edited as files, and runs it
+    again with them. diff prints which states, transitions and variables differ between two programs; with --with,
+    between the program of a run and another one, when the first of them is evaluated in that run, and where the replay
+    with the other program first differs. try runs a changed program on the inputs of a recorded run: where its changes
+    of state begin to differ, and which states it visits. It is a rehearsal: the recorded readings do not answer it.
+    Without a run, it tries random signals, readings and times, and prints the shortest story after which a rule
+    (always ...) does not hold, as a test. lag prints how old readings were when machines decided, and how long
+    commands took. record prints a piece of a run as a Python test, which runs the program on the readings of that
+    piece and expects the recorded changes of state. why executes the run again and prints each transition that was
+    looked at, with the values of its condition: at one moment step by step, over an interval as a summary. view serves
+    a page that shows the machine at any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
     --min, of diff 1 if there are differences, and 3 if the replay differs before any changed element is evaluated,

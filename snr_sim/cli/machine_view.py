@@ -28,10 +28,10 @@ def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
     from snr_sim.links.socket_port import listen
     from snr_sim.recording.folder import trace_path
     from snr_sim.web.access import Access
-    from snr_sim.web.live import check_packages
     from snr_sim.web.recorded_machine import RecordedMachine
     from snr_sim.web.session import MachinePage
     from snr_sim.web.timeline import header_of
+    from snr_sim.web.web_loop import check_packages
 
     check_packages()
     from snr_sim.web.server import serve

@@ -140,6 +140,9 @@ class Loop(LoopMembers, NodeComponent):
     # Node time of the next `loop`, for a loop that is not periodic; it sets a new value in each `loop`, also if a page
     # has caused it. A time in the past means at once, NEVER_S that only a page of `wakes_on` causes the next one.
     next_tick_at_s: float | None = None
+    # Node time before which a tick would do nothing, unless a page in `wakes_on` comes or `wake` is called: a thread
+    # sleeps until then. Lock step has no thread to spare, and keeps the rate.
+    idle_until_s: float = 0.0
     # Keys of pages after which `loop` is called at once, beside its rate: in lock step at the same moment, when
     # everything else at that moment is done.
     wakes_on: tuple[DataKey, ...] = ()

@@ -86,11 +86,16 @@ class ThreadExecutor:
             begun_s = clock.now_s()
             self._life.call_loop(loop, "loop")
             deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
+            is_idle = loop.idle_until_s > deadline_s
+            deadline_s = max(deadline_s, loop.idle_until_s)
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
-                if not self._waking.wait(min(spare_s, threading.TIMEOUT_MAX)):  # not sleep: stop() ends it at once
+                is_woken = self._waking.wait(min(spare_s, threading.TIMEOUT_MAX))  # not sleep: stop() ends it at once
+                if is_idle:
+                    deadline_s = clock.now_s()  # the ticks that it slept through are not missed
+                elif not is_woken:
                     continue
-                if self._is_due:
+                elif self._is_due:
                     if loop.next_tick_at_s is None:
                         deadline_s -= self._period_s  # as it was
                 else:

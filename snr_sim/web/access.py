@@ -57,12 +57,15 @@ class Access:
         host, port: to which it is bound.
         token: of a browser that may change the robot.
         read_token: of a browser that may only look.
+        is_for_programs: whether a WebSocket may come without an origin, and with the token in its address: from a
+            program. A browser always sends an origin.
     """
 
     host: str
     port: int
     token: str = field(default_factory=_new_token, repr=False)
     read_token: str = field(default_factory=_new_token, repr=False)
+    is_for_programs: bool = False
 
     @property
     def netloc(self) -> str:
@@ -118,7 +121,8 @@ class AccessCheck:
         if kind == "http" and asked and not self._why_not(scope) and self._access.rights_of(asked):
             await self._keep_token(scope, send, asked)
             return
-        rights = self._access.rights_of(token)
+        is_program = kind == "websocket" and self._access.is_for_programs
+        rights = self._access.rights_of(asked if is_program else token)
         reason = self._why_not(scope) or ("" if rights else self._no_token())
         if reason:
             await self._refuse(kind, reason, receive, send)
@@ -138,7 +142,7 @@ class AccessCheck:
         hosts, origins = _header(scope, b"host"), _header(scope, b"origin")
         if hosts != [access.netloc]:
             return f"This server is at {access.origin} only, under no other name."
-        if scope["type"] == "websocket" and origins != [access.origin]:
+        if scope["type"] == "websocket" and not access.is_for_programs and origins != [access.origin]:
             return "A connection must come from a page of this server."
         if origins not in ([], [access.origin]):
             return "A request must come from a page of this server."

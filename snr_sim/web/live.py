@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from dataclasses import replace
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 from snr_sim.behaviors.endpoint import MachineEndpoint
-from snr_sim.links.security import is_loopback
-from snr_sim.links.server_loop import ServerLoop, ServerLoopFactory
-from snr_sim.prelude.errors import ConfigError, MissingExtraError
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.web.access import Access
 from snr_sim.web.live_machine import LiveMachine
 from snr_sim.web.moments import MAX_MOMENTS
 from snr_sim.web.session import MachinePage
 from snr_sim.web.timeline import PAGE_SOURCE
+from snr_sim.web.web_loop import WebLoop, WebLoopFactory
 
 
-class LiveLoopFactory(ServerLoopFactory):
+class LiveLoopFactory(WebLoopFactory):
     """Makes a loop that serves a page for each machine of its node.
 
     Args:
@@ -49,14 +43,6 @@ class LiveLoopFactory(ServerLoopFactory):
     ) -> None:
         fix = "--live-token-file FILE with at least 16 characters in it, or leave --live-host out."
         super().__init__(port, host, token, name, who="A live page", token_fix=fix)
-        if host in ("0.0.0.0", "::", ""):
-            raise ConfigError(
-                f"A live page cannot be on all addresses ({host!r}): requests are accepted for one name only.",
-                fix="one address of this computer: `ip address` shows them.",
-            )
-        check_packages()
-        tokens = {} if self.token is None else {"token": self.token.decode("ascii", "replace")}
-        self._access = Access(host, port, **tokens)
         self.title: str = title
         self.folder: Path | None = None
 
@@ -64,29 +50,8 @@ class LiveLoopFactory(ServerLoopFactory):
         """Return the loop."""
         return LiveLoop(self, parent)
 
-    @property
-    def is_loopback(self) -> bool:
-        """Whether only this computer can reach it."""
-        return is_loopback(self.host)
 
-    @property
-    def access(self) -> Access:
-        """Its address and tokens."""
-        return replace(self._access, port=self.port)  # which is known once it listens
-
-
-def check_packages() -> None:
-    """Check that what serves pages is installed.
-
-    Raises:
-        MissingExtraError: it is not.
-    """
-    for package in ("starlette", "uvicorn", "websockets"):
-        if find_spec(package) is None:
-            raise MissingExtraError(package, "web")
-
-
-class LiveLoop(ServerLoop):
+class LiveLoop(WebLoop):
     """Loop that serves pages."""
 
     factory: LiveLoopFactory
@@ -98,7 +63,6 @@ class LiveLoop(ServerLoop):
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
-        import_module("snr_sim.web.server")  # takes 0.2 s, in which the robot's thread would wait for it later
         for one in self.parent.components.values():
             if isinstance(one, MachineEndpoint):
                 one.recent = deque(maxlen=MAX_MOMENTS)  # before it begins, if this loop is the first component

@@ -2,7 +2,7 @@
 
     /                  the page, if there is one only; otherwise their list
     /<path>/           the HTML file of a page
-    /<path>/socket     its WebSocket
+    /<path>/socket     its WebSocket; of programs that need no page: /
     /static/<file>     scripts and styles
 
 Every page has the same access (`access.py`); a page is added by adding it to the list.
@@ -18,7 +18,7 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from html import escape
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import uvicorn
 from starlette.applications import Starlette
@@ -30,6 +30,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from snr_sim.web.access import Access, AccessCheck, App
 from snr_sim.web.messages import MAX_MESSAGE_BYTES, HungUpError
+from snr_sim.web.ros_session import RosbridgePage
 from snr_sim.web.session import MachinePage
 
 TICK_PERIOD_S = 1.0 / 30.0
@@ -41,11 +42,12 @@ MAX_CONNECTIONS = 32  # of all pages
 MAX_WAITING = 64  # messages that a browser has not read
 SEND_TIMEOUT_S = 10.0
 CLOSE_TIMEOUT_S = 1.0
+ServedPage: TypeAlias = MachinePage | RosbridgePage
 Answer: TypeAlias = Callable[[Request], Awaitable[Response]]
 POLICY_VIOLATION = 1008  # RFC 6455, section 7.4.1
 
 
-def make_app(pages: Sequence[MachinePage], access: Access, static: Path = STATIC) -> App:
+def make_app(pages: Sequence[ServedPage], access: Access, static: Path = STATIC) -> App:
     """Return the application that serves pages.
 
     Args:
@@ -54,8 +56,10 @@ def make_app(pages: Sequence[MachinePage], access: Access, static: Path = STATIC
         static: folder of the HTML files, scripts and styles.
     """
     connections: set[_Connection] = set()
-    routes: list[BaseRoute] = [Route("/", _index(pages))]
-    for page in pages:
+    shown = [one for one in pages if not isinstance(one, RosbridgePage)]
+    routes: list[BaseRoute] = [Route("/", _index(shown))] if shown else []
+    routes += [WebSocketRoute("/", _socket(one, connections)) for one in pages if isinstance(one, RosbridgePage)]
+    for page in shown:
         routes.append(Route(f"/{page.path}/", _shell(page, static)))
         routes.append(WebSocketRoute(f"/{page.path}/socket", _socket(page, connections)))
     routes.append(Mount("/static", StaticFiles(directory=static, check_dir=False)))
@@ -80,7 +84,7 @@ def _shell(page: MachinePage, static: Path) -> Answer:
     return answer
 
 
-def _socket(page: MachinePage, connections: set[_Connection]) -> Callable[[WebSocket], Awaitable[None]]:
+def _socket(page: ServedPage, connections: set[_Connection]) -> Callable[[WebSocket], Awaitable[None]]:
     async def serve(websocket: WebSocket) -> None:
         await websocket.accept()
         connection = _Connection(websocket)
@@ -117,9 +121,9 @@ class _Connection:
         self._waiting.append(message)
         self._has_more.set()
 
-    async def serve(self, page: MachinePage) -> None:
+    async def serve(self, page: ServedPage) -> None:
         """Serve a page until the browser or the server ends the connection."""
-        session = None
+        session: Any = None  # of this page
         try:
             session = page.open(self._websocket.state.rights, self.send)
             tasks = [asyncio.create_task(self._read(session.receive)), asyncio.create_task(self._write())]
@@ -173,7 +177,7 @@ class _Server(uvicorn.Server):
 
 
 async def serve(
-    pages: Sequence[MachinePage], access: Access, sock: socket.socket, ending: asyncio.Event, static: Path = STATIC
+    pages: Sequence[ServedPage], access: Access, sock: socket.socket, ending: asyncio.Event, static: Path = STATIC
 ) -> None:
     """Serve pages until `ending` is set; then close all connections.
 
@@ -216,7 +220,7 @@ async def serve(
         ticking.result()  # raises what a page has raised
 
 
-async def _tick(pages: Sequence[MachinePage]) -> None:
+async def _tick(pages: Sequence[ServedPage]) -> None:
     while True:
         await asyncio.sleep(TICK_PERIOD_S)
         now_s = time.monotonic()

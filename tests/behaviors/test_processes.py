@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Generator, Mapping
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
@@ -14,10 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Config, Node, SimClock, SimRunner, TaskType, TimeoutLoopFactory, WallClock, tasks
-from snr_sim.behaviors.flow import wait
+from snr_sim.behaviors import after, machine, on, parse, state
+from snr_sim.behaviors.flow import Flow, State, ask, flow_parts, wait
 from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts
 from snr_sim.core.lockstep import LockStep
-from snr_sim.prelude.errors import ComponentFailedError, SnrError
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import TaskRecord
@@ -83,6 +85,10 @@ def event_at(time_s: float, name: str, *values: Any) -> TimeoutLoopFactory:
     return TimeoutLoopFactory(time_s, task=tasks.event(name, list(values)), name=f"{name} {number}")
 
 
+def _event_of(source: str, target: str) -> str:
+    return next(event for event, to in STATES[source].items() if to == target)
+
+
 class Lab:
     """A reference machine with its processes; what they store, and what it sends."""
 
@@ -92,30 +98,33 @@ class Lab:
         *more: Any,
         until_s: float = 5.0,
         observers: list[str] | None = None,
+        states: Any = STATES,
         **settings: Any,
     ) -> None:
         self.stored: list[tuple[float, str, str, Any]] = []
         self.now_attached: list[str] = []
         self.attached: list[list[str]] = []  # at each time that something was stored
         self.sent: list[tuple[float, str, list[Any]]] = []
+        self.arrived: list[str] = []  # the events, in their order
         names = list(processes) if observers is None else observers
         made = [
             ControlProcessFactory(name, "reference", kind if isinstance(kind, dict) else of(kind))
             for name, kind in processes.items()
         ]
         keys = [f"{name}.turn" for name in processes]
-        events = ["reference.transition", "reference.dropped", "reference.publish"]
+        signals = {name for then in STATES.values() for name in then}
         watcher = FunctionEndpointFactory(
             {
                 **{(TaskType.process_data, key): self._note_stored for key in keys},
-                **{(TaskType.event, name): self._note_sent for name in events},
+                **{(TaskType.event, f"reference.{name}"): self._note_sent for name in ("transition", "dropped")},
+                **{(TaskType.event, name): self._note_arrived for name in ("reference.publish", *signals)},
                 (TaskType.process_data, "reference"): self._page,
             },
             "watcher",
         )
         self.pages: list[tuple[str, int, str]] = []
         clock = SimClock()
-        parts = [*more, *reference_parts(STATES, "StateA", observers=names, **settings), *made, watcher]
+        parts = [*more, *reference_parts(states, observers=names, **settings), *made, watcher]
         self.config = Config(factories={"r": parts})
         self.node = Node("r", self.config, clock=clock)
         self.clock, self.until_s = clock, until_s
@@ -142,6 +151,9 @@ class Lab:
     def _note_sent(self, task: Any, key: Any) -> None:
         self.sent.append((round(self.node.get_time_s(), 6), task.name, list(task.val_list)))
 
+    def _note_arrived(self, task: Any, key: Any) -> None:
+        self.arrived.append(task.val_list[0] if task.name == "reference.publish" else task.name)
+
     def _page(self, task: Any, key: Any) -> None:
         data = task.page.data
         self.now_attached = data["attached"]
@@ -150,6 +162,12 @@ class Lab:
     @property
     def states(self) -> list[str]:
         return ["StateA", *(row[2][0]["target"] for row in self.sent if row[1].endswith("transition"))]
+
+    @property
+    def consequences(self) -> list[str]:
+        """Of each event, its transition or that it was dropped: the events' names, in their order."""
+        found = [values[0] for _, _, values in self.sent]
+        return [one if isinstance(one, str) else _event_of(one["source"], one["target"]) for one in found]
 
     @property
     def dropped(self) -> list[tuple[str, str]]:
@@ -166,6 +184,70 @@ def test_two_processes_change_state_together_and_count_again() -> None:
         ("P1", "StateB", 0), ("P2", "StateB", 0), ("P1", "StateB", 1), ("P2", "StateB", 1),
     ]  # fmt: skip
     assert {time for time, _, state, what in lab.stored if (state, what) in (("StateA", "end"), ("StateB", 0))} == {2.5}
+
+
+TABLE = machine(
+    "kooi", "StateA", [
+        state("StateA", on("EventA", to="StateB")),
+        state("StateB", on("EventB", to="StateA"), on("EventC", to="StateC"), on("EventB", to="StateC")),
+        state("StateC", on("EventA", to="StateA")),
+    ],
+)  # fmt: skip
+TEXT = parse("""
+(machine kooi
+  (state StateA) (state StateB) (state StateC)
+  (on EventA StateA -> StateB) (on EventB StateB -> StateA) (on EventC StateB -> StateC)
+  (on EventA StateC -> StateA)
+  (event EventA) (event EventB) (event EventC))
+(spawn kooi StateA)
+""")
+
+
+@pytest.mark.parametrize("states", [STATES, TABLE, TEXT], ids=["dict", "table", "text"])
+def test_reference_is_a_dict_a_table_or_a_text(states: Any) -> None:
+    names = ("EventA", "EventB", "EventA", "EventC", "EventA")
+    lab = Lab({"P1": Echo}, *(event_at(1.0 + 0.1 * i, name) for i, name in enumerate(names)), states=states).run()
+    assert lab.states == ["StateA", "StateB", "StateA", "StateB", "StateC", "StateA"]
+
+
+def test_flow_leads_a_reference_machine_and_waits_for_it() -> None:
+    class Lead(State):
+        outcomes = ("led",)
+
+        def run(self, userdata: Any) -> Generator[Any, Any, str]:
+            for name in ("EventA", "EventC"):
+                yield wait(0.5)
+                (found,) = yield from ask(name, "reference.transition")
+                reached.append((found["target"], self.get_time_s()))
+            return "led"
+
+    reached: list[tuple[str, float]] = []
+    flow = Flow("leader", ("led",))
+    flow.add("LEAD", Lead())
+    Lab({"P1": Echo, "P2": Slow}, *flow_parts(flow)).run()
+    assert [name for name, _ in reached] == ["StateB", "StateC"]
+    assert [time_s for _, time_s in reached] == pytest.approx([0.61, 1.22]), "Slow ends what it has begun"
+
+
+def anything(m: Any) -> None:
+    return None
+
+
+@pytest.mark.parametrize(
+    ("states", "what"),
+    [
+        (machine("m", "A", [state("A", on("go", to="A"), during=anything)]), "blocks"),
+        (machine("m", "A", [state("A", on("go", to="A", do=anything))]), "blocks"),
+        (machine("m", "A", [state("A", after(1.0, to="A"))]), "a transition that waits for no event"),
+        (machine("m", "A", [state("A", on("go", to="A"), machines=[TABLE])]), "2 machines"),
+        (parse("(machine m (state A))"), "0 machines"),
+        (parse("(always fine [True])(machine m (state A))(spawn m A)"), "rules"),
+    ],
+)
+def test_program_with_more_than_states_and_events_is_refused(states: Any, what: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        reference_parts(states)
+    assert f"has {what}; it may" in str(caught.value)
 
 
 def test_reaction_takes_as_long_as_the_slowest_and_not_the_sum() -> None:
@@ -217,6 +299,17 @@ def test_event_that_is_published_twice_is_one_transition() -> None:
     lab = Lab({"P1": Publishing, "P2": Echo}, until_s=2.0).run()
     assert lab.states == ["StateA", "StateB"]
     assert lab.dropped == [("EventA", "its state is over")]
+
+
+@pytest.mark.parametrize("later_s", [0.0, 0.0005])
+def test_event_of_two_publishers_within_a_millisecond_is_one_transition(later_s: float) -> None:
+    """The second arrives while the barrier waits for the first, or after it, and names an epoch that is over."""
+    found = [event_at(1.0 + i * later_s, "reference.publish", "EventA", f"P{i + 1}", 1) for i in range(2)]
+    lab = Lab({"P1": Echo, "P2": Slow}, *found, until_s=2.0).run()
+    assert lab.states == ["StateA", "StateB"]
+    assert [values for _, name, values in lab.sent if name.endswith("dropped")] == [
+        ["EventA", "P2", 1, "its state is over"]
+    ]
 
 
 def test_event_without_transition_is_reported() -> None:
@@ -306,6 +399,19 @@ class Patient(Echo):
     def run_state(self) -> Generator[Any, None, None]:
         yield wait(2.0, uninterrupted=True)
         yield wait(100.0)
+
+
+def test_two_runs_leave_the_same_bytes(tmp_path: Path) -> None:
+    events = [event_at(2.0 + 0.1 * i, name) for i, name in enumerate(("EventB", "EventC", "EventA"))]
+    moves = [event_at(1.0, "reference.detach", "P3"), event_at(1.6, "reference.attach", "P3")]
+    lab = Lab({"P1": Publishing, "P2": Slow, "P3": Patient}, *events, *moves)
+    found = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        lab.record(tmp_path / name)
+        found.append((tmp_path / name / FILE_NAME).read_bytes().partition(b"\n")[2])
+    assert found[0].count(b"reference.transition") == 3
+    assert found[0] == found[1]
 
 
 def test_process_is_attached_again_when_it_has_ended_its_old_state() -> None:
@@ -418,9 +524,15 @@ def test_malformed_event_is_noted_and_changes_nothing(name: str, values: list[An
     ),
     kinds=st.lists(st.sampled_from((Echo, Slow, Quick, Publishing, Patient)), min_size=1, max_size=3),
     moves=st.lists(st.tuples(st.floats(0.0, 3.0), st.booleans(), st.integers(0, 2)), max_size=4),
+    published=st.lists(
+        st.tuples(st.floats(0.0, 3.0), st.sampled_from(("EventA", "EventB", "EventC")), st.integers(1, 5)), max_size=4
+    ),
 )
 def test_barrier_and_events_hold_in_any_history(
-    events: list[tuple[float, str]], kinds: list[type[ObserverState]], moves: list[tuple[float, bool, int]]
+    events: list[tuple[float, str]],
+    kinds: list[type[ObserverState]],
+    moves: list[tuple[float, bool, int]],
+    published: list[tuple[float, str, int]],
 ) -> None:
     given_processes: Any = {f"P{i}": entering(kind) for i, kind in enumerate(kinds)}
     names = list(given_processes)
@@ -429,25 +541,24 @@ def test_barrier_and_events_hold_in_any_history(
         event_at(time_s + 1e-4 * (50 + i), f"reference.{'attach' if up else 'detach'}", names[which % len(names)])
         for i, (time_s, up, which) in enumerate(moves)
     ]
+    more += [event_at(time_s, "reference.publish", name, "P0", epoch) for time_s, name, epoch in published]
     lab = Lab(given_processes, *more, until_s=25.0, stop_timeout_s=1.0, on_stuck="detach").run()
-    # Each event, from outside or published, is a transition, or reported as dropped: none is lost, none counts twice.
-    outside = [name for _, name in events if name != "NOOP"]
-    transitions = [row for row in lab.sent if row[1].endswith("transition")]
-    published = [row for row in lab.sent if row[1].endswith("publish")]
-    assert len(transitions) + len(lab.dropped) == len(outside) + len(published)
+    # Each event, from outside or published, is a transition, or reported as dropped, in the order of arrival.
+    assert len(lab.arrived) >= sum(name != "NOOP" for _, name in events) + len(published)
+    assert lab.consequences == lab.arrived
     # An epoch begins when the one before is over, and the states are those of the table.
-    for before, after in zip(lab.pages, lab.pages[1:], strict=False):
-        assert after[1] - before[1] in (0, 1)
-        if after[1] != before[1]:
-            assert (before[2], after[2]) == ("ending", "running")
-            assert after[0] in STATES[before[0]].values()
+    for old, new in zip(lab.pages, lab.pages[1:], strict=False):
+        assert new[1] - old[1] in (0, 1)
+        if new[1] != old[1]:
+            assert (old[2], new[2]) == ("ending", "running")
+            assert new[0] in STATES[old[0]].values()
     assert lab.pages[-1][2] == "running", "no barrier is left waiting"
     # None begins a state while another one that is attached is in another one.
     inside: dict[str, str] = {}
-    for (_, name, state, what), attached in zip(lab.stored, lab.attached, strict=True):
+    for (_, name, place, what), attached in zip(lab.stored, lab.attached, strict=True):
         if what == "begin":
-            assert {inside[one] for one in attached if one in inside and one != name} <= {state}, lab.stored
-            inside[name] = state
+            assert {inside[one] for one in attached if one in inside and one != name} <= {place}, lab.stored
+            inside[name] = place
         elif what == "end":
             inside.pop(name, None)
 
@@ -500,22 +611,99 @@ def test_process_that_dies_is_handled_by_the_policy(policy: Any) -> None:
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("executor", ["thread", "process"])
 def test_order_is_the_same_on_threads_and_in_processes(executor: Any) -> None:
-    events = ("EventA", "EventB", "EventA", "EventC", "EventA")
-    targets: list[str] = []
-    done: list[float] = []
+    pages: list[tuple[str, int, str]] = []
 
     def note(task: Any, key: Any) -> Any:
-        targets.append(task.val_list[0]["target"])
-        done.append(time.monotonic())
-        return tasks.terminate("all seen") if len(targets) == len(events) else None
+        data = task.page.data
+        pages.append((data["state"], data["epoch"], data["phase"]))
+        return tasks.terminate("all seen") if pages[-1][1:] == (6, "running") else None
 
+    names = ("EventA", "EventB", "EventA", "EventC", "EventA")
+    events = [event_at(2.0 + 0.2 * i, name) for i, name in enumerate(names)]
     processes = [ControlProcessFactory(f"P{i}", "reference", of(Idle), executor=executor) for i in (1, 2)]
     parts = [
         *reference_parts(STATES, "StateA", observers=["P1", "P2"], stop_timeout_s=10.0),
         *processes,
-        FunctionEndpointFactory({(TaskType.event, "reference.transition"): note}, "watcher"),
-        *(event_at(2.0 + 0.2 * i, name) for i, name in enumerate(events)),
+        FunctionEndpointFactory({(TaskType.process_data, "reference"): note}, "watcher"),
+        *events,
         TimeoutLoopFactory(seconds=30.0),
     ]
     Node("r", Config(factories={"r": parts}), clock=WallClock()).loop()
-    assert targets == ["StateB", "StateA", "StateB", "StateC", "StateA"]
+    assert pages == Lab({"P1": Idle, "P2": Idle}, *events).run().pages
+    assert [state for state, _, phase in pages if phase == "running"] == [
+        "StateA", "StateB", "StateA", "StateB", "StateC", "StateA"
+    ]  # fmt: skip
+
+
+class Working(ObserverState):
+    """Works 0.1 s or 0.3 s for a picture, in which it sees what ends the state."""
+
+    def run_state(self) -> None:
+        if self.parent.name == "P1":
+            time.sleep(0.1)
+            return
+        time.sleep(0.05)
+        self.publish_event("EventB" if self.name == "StateB" else "EventA")
+        time.sleep(0.25)
+
+
+@pytest.mark.slow
+@pytest.mark.wall_clock
+def test_cycle_of_processes_takes_as_long_as_the_slowest_and_not_the_sum() -> None:
+    """Kooi, section 4: one thread for both would take 400 ms."""
+    begun_s: list[float] = []
+
+    def note(task: Any, key: Any) -> Any:
+        begun_s.append(time.monotonic())
+        return tasks.terminate("enough") if len(begun_s) == 9 else None
+
+    parts = [
+        *reference_parts(STATES, observers=["P1", "P2"], stop_timeout_s=10.0),
+        *(ControlProcessFactory(name, "reference", of(Working), executor="process") for name in ("P1", "P2")),
+        FunctionEndpointFactory({(TaskType.event, "reference.transition"): note}, "watcher"),
+        TimeoutLoopFactory(seconds=30.0),
+    ]
+    Node("r", Config(factories={"r": parts}), clock=WallClock()).loop()
+    lasted_s = [new - old for old, new in itertools.pairwise(begun_s)]
+    assert len(lasted_s) == 8
+    assert 0.3 <= median(lasted_s) < 0.35
+
+
+@pytest.mark.wall_clock
+def test_idle_control_processes_take_less_than_a_hundredth_of_a_core() -> None:
+    used_s: list[float] = []
+
+    def note(task: Any, key: Any) -> Any:
+        used_s.append(time.process_time())
+        return tasks.terminate("enough") if task.name == "end" else None
+
+    names = ["P1", "P2"]
+    parts = [
+        *reference_parts(STATES, observers=names),
+        *(ControlProcessFactory(name, "reference", of(Idle)) for name in names),
+        FunctionEndpointFactory({(TaskType.event, name): note for name in ("begin", "end")}, "watcher"),
+        event_at(1.0, "begin"),
+        event_at(11.0, "end"),
+    ]
+    Node("r", Config(factories={"r": parts}), clock=WallClock()).loop()
+    assert used_s[1] - used_s[0] < 0.1
+
+
+@pytest.mark.wall_clock
+def test_clock_that_sleeps_wakes_for_the_deadline_of_a_stuck_process() -> None:
+    def note(task: Any, key: Any) -> Any:
+        passed_s.append(node.get_time_s())
+        return tasks.terminate("seen")
+
+    passed_s: list[float] = []
+    parts = [
+        *reference_parts(STATES, observers=["P1", "P2"], stop_timeout_s=0.5, on_stuck="detach"),
+        ControlProcessFactory("P1", "reference", of(Stuck)),
+        ControlProcessFactory("P2", "reference", of(Idle)),
+        FunctionEndpointFactory({(TaskType.event, "reference.transition"): note}, "watcher"),
+        event_at(1.0, "EventA"),
+        TimeoutLoopFactory(seconds=10.0),
+    ]
+    node = Node("r", Config(factories={"r": parts}), clock=WallClock())
+    node.loop()
+    assert 1.5 <= passed_s[0] < 3.0

@@ -1,4 +1,4 @@
-"""Control processes: how long a barrier takes, compared with bare threads and bare pipes.
+"""Control processes: how long a barrier takes, compared with bare threads and bare pipes, and how many events pass.
 
 A barrier is the time from the page "ending" of the reference machine, at which all end their state, until its
 next page: all have answered. On the wall clock; all wait for nothing else. Run by `snr bench control_processes`.
@@ -10,6 +10,7 @@ import multiprocessing
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from statistics import median
 from typing import Any, Literal
@@ -67,34 +68,24 @@ def begin_later(loop: Any, time_s: float) -> None:
 
 
 def bare_threads_ms(count: int, rounds: int) -> list[float]:
-    """Return how long threads take to be asked, and to answer."""
-    asked = [threading.Event() for _ in range(count)]
-    answers = threading.Semaphore(0)
-    is_over = threading.Event()
+    """Return how long threads take to be asked, and to answer: a barrier each."""
+    barrier = threading.Barrier(count + 1)
 
-    def follow(own: threading.Event) -> None:
-        while True:
-            own.wait()
-            own.clear()
-            if is_over.is_set():
-                return
-            answers.release()
+    def follow() -> None:
+        with suppress(threading.BrokenBarrierError):  # the end
+            while True:
+                barrier.wait()
 
-    threads = [threading.Thread(target=follow, args=(one,), daemon=True) for one in asked]
-    for one in threads:
-        one.start()
+    for _ in range(count):
+        threading.Thread(target=follow, daemon=True).start()
     found = []
     for _ in range(rounds):
         begun_s = time.perf_counter()
-        for own in asked:
-            own.set()
-        for _ in asked:
-            answers.acquire()
+        barrier.wait()
+        barrier.wait()
         found.append(1e3 * (time.perf_counter() - begun_s))
         time.sleep(0.002)
-    is_over.set()
-    for own in asked:
-        own.set()
+    barrier.abort()
     return found
 
 
@@ -128,8 +119,43 @@ def bare_pipes_ms(count: int, rounds: int) -> list[float]:
     return found
 
 
+def events_per_s(count: int, names: list[str], *, is_counted_only: bool = False) -> float:
+    """Return how many events a second go through the queue of a reference machine that `names` follow on threads."""
+    seen = [0]
+    begun = [0.0]
+
+    def note(task: Any, key: Any) -> Any:
+        seen[0] += 1
+        return tasks.terminate("enough") if seen[0] == count else None
+
+    def send(loop: Any) -> None:
+        begun[0] = time.perf_counter()
+        loop.schedule([tasks.event("go") for _ in range(count)])
+        loop.stop()
+
+    states = dict.fromkeys(STATES, Idle)
+    event = "go" if is_counted_only else "reference.transition"
+    reference = [] if is_counted_only else reference_parts(STATES, "A", observers=names, stop_timeout_s=20.0)
+    parts = [
+        *reference,
+        *(ControlProcessFactory(name, "reference", states) for name in names),
+        FunctionEndpointFactory({(TaskType.event, event): note}, "watcher"),
+        FunctionLoopFactory(send, "pilot", 1.0, setup=lambda loop: begin_later(loop, 0.3)),
+    ]
+    Node("bench", Config(factories={"bench": parts}), clock=WallClock()).loop()
+    return count / (time.perf_counter() - begun[0])
+
+
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yield the rows."""
+    count = 500 if is_quick else 3000
+    counted = events_per_s(count, [], is_counted_only=True)
+    for names in ([], ["p0", "p1"]):
+        ours = events_per_s(count, names)
+        yield Row(
+            f"events through the queue, {len(names)} control processes on threads", ours, "per s", more_is_better=True,
+            baseline=counted, compared_to="a handler that counts them", ratio=counted / ours,
+        )  # fmt: skip
     rounds = 60 if is_quick else 300
     for (executor, count), limit_ms in LIMITS_MS.items():
         bare = (bare_threads_ms if executor == "thread" else bare_pipes_ms)(count, rounds)

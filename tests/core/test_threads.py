@@ -126,15 +126,20 @@ class Wakes(Waits):
 
 
 def ticks_of(
-    rate_hz: float, works_s: Sequence[float], woken_at_s: Sequence[float] = ()
+    rate_hz: float,
+    works_s: Sequence[float],
+    woken_at_s: Sequence[float] = (),
+    idle_until_s: Sequence[float] | None = None,
 ) -> tuple[list[float], ThreadExecutor]:
-    """Return the tick times of a threaded loop with this work per tick and these `wake` times, and its caller."""
+    """Return the tick times of a threaded loop with this work and idle time per tick, and these `wake` times; and its
+    caller."""
     ticks: list[float] = []
     clock = WorkClock()
 
     def work(loop: Any) -> None:
         ticks.append(clock.time_s)
         clock.time_s += works_s[len(ticks) - 1]
+        loop.idle_until_s = idle_until_s[len(ticks) - 1] if idle_until_s else 0.0
         if len(ticks) == len(works_s):
             executor.stop()
 
@@ -174,6 +179,13 @@ def test_loop_woken_often_ticks_at_most_twice_per_period() -> None:
 def test_loop_no_longer_woken_keeps_its_rate() -> None:
     ticks, _ = ticks_of(100, [0.0] * 5, [0.007])
     assert ticks == pytest.approx([0.0, 0.007, 0.0221, 0.0321, 0.0421])
+
+
+def test_idle_loop_sleeps_until_its_time_or_a_wake_and_then_keeps_its_rate() -> None:
+    idle_until_s = [0.0, 0.505, 0.0, 0.5, 1e9, 0.0, 0.0]
+    ticks, executor = ticks_of(100, [0.0] * 7, [0.9], idle_until_s)
+    assert ticks == pytest.approx([0.0, 0.0101, 0.5051, 0.5152, 0.5252, 0.9, 0.9101])
+    assert executor.late_s == 0.0
 
 
 @pytest.mark.slow

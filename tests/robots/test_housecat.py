@@ -161,6 +161,46 @@ def test_recorded_clearing_is_replayed_without_a_difference(record_scenario: Rec
     assert found.executed > 500
 
 
+MOVER = """
+from snr_sim import TimeoutLoopFactory
+from snr_sim.behaviors.flow import wait
+from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts
+from snr_sim_robot_housecat.movement import move_parts
+
+class Move(ObserverState):
+    def run_state(self):
+        is_reached = yield from self.move(grab=(1.0, 0.8), lift=(1.0, 0.3), turn=(0.5, 1.0), move=(0.2, 1.6))
+        self.store_data("reached", [round(self.get_time_s(), 2), is_reached])
+        yield wait(100.0)
+
+def factories(robot):
+    return [
+        *move_parts(),
+        TimeoutLoopFactory(2.5),
+        *reference_parts({"move": {"AGAIN": "move"}}, observers=["driver"]),
+        ControlProcessFactory("driver", of="reference", states={"move": Move}),
+    ]
+"""
+
+
+def test_four_requests_of_a_movement_overlap_and_each_ends_with_its_motor_at_zero(
+    tmp_path: Path, record_scenario: RecordScenario
+) -> None:
+    file = tmp_path / "mover.py"
+    file.write_text(MOVER)
+    trace = record_scenario("housecat_clear", str(file), 1)
+    stored = [(t, data["left_mps"], data["right_mps"], data["blade"]) for t, data in pages(trace, "dozer")]
+    changes = [new for old, new in pairwise([(0.0,) * 4, *stored]) if new[1:] != old[1:]]
+    assert changes == [
+        pytest.approx(row)
+        for row in ((0.0, 0.115, 0.285, 0), (0.3, 0.115, 0.285, 1), (0.8, 0.115, 0.285, 0), (1.0, 0.2, 0.2, 0),
+                    (1.6, 0, 0, 0))
+    ]  # fmt: skip
+    assert pages(trace, "reached")[0][1] == [pytest.approx(1.6, abs=0.011), True]
+    places = [np.array(data["position_m"]) for _, data in pages(trace, "pose")]
+    assert np.linalg.norm(places[-1] - places[0]) == pytest.approx(0.3, abs=0.03), "0.2 m/s for 1.6 s, in a bend"
+
+
 # -- vision-----------------------------------------------------------------------------------------------------------
 
 

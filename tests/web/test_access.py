@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from snr_sim.cli.live_page import LivePage, add_live_page, print_address
 from snr_sim.core.config import Config
 from snr_sim.prelude.errors import ConfigError, MissingExtraError, ParameterError
-from snr_sim.web import live as live_module
+from snr_sim.web import web_loop
 from snr_sim.web.access import Access, AccessCheck
 from snr_sim.web.live import LiveLoopFactory
 from tests.web.dive import parts
@@ -20,7 +21,9 @@ OWN = [("host", "127.0.0.1:8080"), ("origin", "http://127.0.0.1:8080")]
 COOKIE = ("cookie", f"snr_8080={ACCESS.token}")
 
 
-def ask(kind: str, headers: list[tuple[str, str]], query: str = "", method: str = "GET") -> Any:
+def ask(
+    kind: str, headers: list[tuple[str, str]], query: str = "", method: str = "GET", access: Access = ACCESS
+) -> Any:
     """Return what a request leads to: the rights with which it is let through, or the messages that refuse it."""
     sent: list[dict[str, Any]] = []
     rights: list[str] = []
@@ -38,7 +41,7 @@ def ask(kind: str, headers: list[tuple[str, str]], query: str = "", method: str 
         "type": kind, "path": "/machine/diver/", "query_string": query.encode(), "method": method,
         "headers": [(name.encode(), value.encode()) for name, value in headers],
     }  # fmt: skip
-    asyncio.run(AccessCheck(app, ACCESS)(scope, receive, send))
+    asyncio.run(AccessCheck(app, access)(scope, receive, send))
     return rights[0] if rights else sent
 
 
@@ -85,6 +88,30 @@ def test_token_of_the_address_opens_no_connection() -> None:
     assert is_refused(ask("websocket", OWN, f"token={ACCESS.token}"))
 
 
+PROGRAMS = replace(ACCESS, is_for_programs=True)
+
+
+@pytest.mark.parametrize("origin", [[], [OWN[1]]])
+def test_program_is_let_through_with_the_token_in_its_address(origin: list[tuple[str, str]]) -> None:
+    assert ask("websocket", [OWN[0], *origin], f"token={ACCESS.token}", access=PROGRAMS) == "change"
+    assert ask("websocket", [OWN[0], *origin], f"read={ACCESS.read_token}", access=PROGRAMS) == "look"
+
+
+@pytest.mark.parametrize(
+    ("headers", "query"),
+    [
+        ([OWN[0], ("origin", "http://evil.example")], f"token={ACCESS.token}"),
+        ([OWN[0], ("origin", "null")], f"token={ACCESS.token}"),
+        ([OWN[0], OWN[1], OWN[1]], f"token={ACCESS.token}"),
+        ([("host", "evil.example")], f"token={ACCESS.token}"),
+        ([OWN[0]], f"token={ACCESS.token}x"),
+        ([OWN[0], COOKIE], ""),
+    ],
+)
+def test_program_of_a_foreign_page_or_without_the_token_is_refused(headers: Any, query: str) -> None:
+    assert is_refused(ask("websocket", headers, query, access=PROGRAMS))
+
+
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS"])
 def test_pages_are_only_read(method: str) -> None:
     assert is_refused(ask("http", [*OWN, COOKIE], method=method))
@@ -129,7 +156,7 @@ def test_own_token_is_used() -> None:
 
 
 def test_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_module, "find_spec", lambda name: None if name == "uvicorn" else object())
+    monkeypatch.setattr(web_loop, "find_spec", lambda name: None if name == "uvicorn" else object())
     with pytest.raises(MissingExtraError, match="needs the package 'uvicorn'") as error:
         LiveLoopFactory()
     assert "snr_sim[web]" in error.value.fix

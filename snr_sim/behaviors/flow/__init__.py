@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.flow.endpoint import flow_parts as flow_parts
     from snr_sim.behaviors.flow.flow import Flow as Flow
     from snr_sim.behaviors.flow.iterator import Iterator as Iterator
+    from snr_sim.behaviors.flow.movement import movement_parts as movement_parts
     from snr_sim.behaviors.flow.state import State as State
+    from snr_sim.behaviors.flow.thread_state import ThreadState as ThreadState
     from snr_sim.behaviors.flow.userdata import Userdata as Userdata
     from snr_sim.behaviors.flow.waits import Preempted as Preempted
     from snr_sim.behaviors.flow.waits import ask as ask

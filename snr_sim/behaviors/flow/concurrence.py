@@ -38,7 +38,7 @@ class Concurrence:
     ends_when: Callable[[Outcomes], bool] | None = None
     input_keys: tuple[str, ...] = ()
     output_keys: tuple[str, ...] = ()
-    children: dict[str, tuple[Behavior, Mapping[str, str]]] = field(default_factory=dict, init=False)
+    entries: dict[str, tuple[Behavior, Mapping[str, str]]] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         for name in (self.default, *self.outcome_map):
@@ -52,9 +52,9 @@ class Concurrence:
             behavior: a State, a Flow, a Concurrence or an Iterator.
             remapping: the concurrence's name for a key of the behavior, where it is another one.
         """
-        if label in self.children:
+        if label in self.entries:
             raise ConfigError(f"A concurrence has '{label}' twice.", fix="give every child a label of its own.")
-        self.children[label] = behavior, dict(remapping or {})
+        self.entries[label] = behavior, dict(remapping or {})
 
     def check(self, path: str) -> None:
         """Check that there are children, and that the map names theirs.
@@ -62,13 +62,13 @@ class Concurrence:
         Raises:
             ConfigError: there are none; the map names an unknown child or outcome; two rules have the same criteria.
         """
-        if not self.children:
+        if not self.entries:
             raise ConfigError(f"Concurrence '{path}' has no children.", fix='concurrence.add("LOOK", Look()).')
         seen: dict[frozenset[tuple[str, str]], str] = {}
         for name, rule in self.outcome_map.items():
             for label, outcome in rule.items():
-                check_known(label, self.children, f"The outcome map of '{path}' names '{label}'.")
-                known = (*self.children[label][0].outcomes, PREEMPTED)
+                check_known(label, self.entries, f"The outcome map of '{path}' names '{label}'.")
+                known = (*self.entries[label][0].outcomes, PREEMPTED)
                 check_known(outcome, known, f"The outcome map of '{path}' waits for '{outcome}' of '{label}'.")
             other = seen.setdefault(frozenset(rule.items()), name)
             if other != name:
@@ -76,7 +76,7 @@ class Concurrence:
                     f"The outcome map of '{path}' has the same criteria for '{other}' and '{name}'.",
                     fix="let one of them ask for more.",
                 )
-        for label, (behavior, _) in self.children.items():
+        for label, (behavior, _) in self.entries.items():
             behavior.check(f"{path}/{label}")
 
     def result(self, found: Outcomes, path: str) -> str:
@@ -97,6 +97,10 @@ class Concurrence:
         ]
         return max(fitting, key=lambda row: row[0])[1] if fitting else self.default
 
+    def children(self) -> dict[str, Behavior]:
+        """Return its states and containers by label."""
+        return {label: behavior for label, (behavior, _) in self.entries.items()}
+
     def execution(
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> ConcurrenceExecution:
@@ -112,9 +116,9 @@ class ConcurrenceExecution:
         self._concurrence, self._path, self._scope = concurrence, path, scope
         self._running: dict[str, Execution] = {
             label: behavior.execution(f"{path}/{label}", scope.data, own, owner)
-            for label, (behavior, own) in concurrence.children.items()
+            for label, (behavior, own) in concurrence.entries.items()
         }
-        self._found: Outcomes = dict.fromkeys(concurrence.children)
+        self._found: Outcomes = dict.fromkeys(concurrence.entries)
         self._is_preempted = False  # from outside
         self._is_ending = False
 

@@ -11,6 +11,8 @@ from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoopFactory
 from snr_sim.behaviors.flow.flow import Flow
 from snr_sim.behaviors.flow.sequential import SequentialExecution
+from snr_sim.behaviors.flow.state import walk
+from snr_sim.behaviors.flow.thread_state import ThreadCallsFactory, ThreadState
 from snr_sim.behaviors.flow.userdata import data_copy
 from snr_sim.behaviors.flow.waits import Step
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
@@ -29,9 +31,11 @@ def flow_parts(
     userdata: Mapping[str, Any] | None = None,
     preempt_deadline_s: float = 1.0,
 ) -> list[ComponentFactory]:
-    """Return the factories of a flow and of its clock, for a controller's `factories`; see `FlowFactory`."""
+    """Return the factories of a flow, of its clock and of its threads, for a controller's `factories`; see
+    `FlowFactory`."""
     made = FlowFactory(flow, name, userdata=userdata, preempt_deadline_s=preempt_deadline_s)
-    return [StepLoopFactory(made.name, step_hz), made]
+    threads = [ThreadCallsFactory(path, one) for path, one in walk(flow.name, flow) if isinstance(one, ThreadState)]
+    return [StepLoopFactory(made.name, step_hz), *threads, made]
 
 
 class FlowFactory(EndpointFactory):

@@ -116,6 +116,10 @@ class Flow:
                 raise ConfigError(f"No outcome leads to '{path}/{label}'.", fix="leave it out, or let one lead there.")
             entry.behavior.check(f"{path}/{label}")
 
+    def children(self) -> dict[str, Behavior]:
+        """Return its states and containers by label."""
+        return {label: entry.behavior for label, entry in self.entries.items()}
+
     def execution(
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> SequentialExecution:

@@ -79,6 +79,10 @@ class Iterator:
             check_known(outcome, self.outcomes, message)
         self.child.behavior.check(f"{path}/{self.child.label}")
 
+    def children(self) -> dict[str, Behavior]:
+        """Return its behavior by its label."""
+        return {} if self.child is None else {self.child.label: self.child.behavior}
+
     def execution(
         self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint
     ) -> SequentialExecution:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from types import GeneratorType
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -46,8 +46,18 @@ class Behavior(Protocol):
             ConfigError: it cannot run; the message names the place.
         """
 
+    def children(self) -> Mapping[str, Behavior]:
+        """Return what is inside, by label."""
+
     def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint) -> Execution:
         """Return one execution that works on the data of its container."""
+
+
+def walk(path: str, behavior: Behavior) -> Iterator[tuple[str, Behavior]]:
+    """Yield a behavior and all that are inside it, with their paths."""
+    yield path, behavior
+    for label, child in behavior.children().items():
+        yield from walk(f"{path}/{label}", child)
 
 
 class Execution(Protocol):
@@ -136,6 +146,10 @@ class State:
         check_outcomes(self.outcomes, f"'{path}'")
         if type(self).run is State.run:
             raise ConfigError(f"{type(self).__name__} at '{path}' has no run().", fix="def run(self, userdata):")
+
+    def children(self) -> Mapping[str, Behavior]:
+        """Return nothing."""
+        return {}
 
     def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint) -> Execution:
         """Return one execution."""

@@ -62,6 +62,13 @@ class Userdata:
         self._data[self._outputs[name]] = data_copy(f"userdata.{name} of {self._who}", value)
 
 
+def inputs_of(userdata: Userdata) -> dict[str, Any]:
+    """Return a copy of all that may be read and has been set."""
+    data: dict[str, Any] = object.__getattribute__(userdata, "_data")
+    inputs: Mapping[str, str] = object.__getattribute__(userdata, "_inputs")
+    return {name: data_copy(name, data[outer]) for name, outer in inputs.items() if outer in data}
+
+
 def data_copy(what: str, value: Any) -> Any:
     """Return a copy of data.
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Mapping, Sequence
 from types import GeneratorType
 from typing import Any, Literal
 
-from snr_sim.behaviors.flow.waits import Wait
+from snr_sim.behaviors.flow.waits import Wait, wait
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
@@ -15,6 +16,7 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import DataKey, Page, Task
 
 _ROUNDING_S = 1e-9
+_ANSWER_S = 1.0  # how much longer than a movement its server may take to answer
 
 
 class ObserverState:
@@ -57,6 +59,34 @@ class ObserverState:
     def publish_event(self, name: str, values: Sequence[Any] = ()) -> None:
         """Send an event to the reference machine; it counts while this state lasts. The next state gets `values`."""
         self.parent.publish(name, values)
+
+    def move(self, server: str = "move", **requests: Sequence[float]) -> Generator[Wait, None, bool]:
+        """Move, until the state ends: `is_reached = yield from self.move(turn=(0.5, 2.0), lift=(1.0, 0.5))`.
+
+        Args:
+            server: name of the movement server; see `movement_parts`.
+            requests: magnitude and duration [s] of each request, by its name; all begin together.
+
+        Returns:
+            Whether the goal was reached: not if it is rejected, preempted, or another one has not ended.
+        """
+        begun_s = self.get_time_s()
+        sender, goal = [self.parent.name, begun_s], {name: list(one) for name, one in requests.items()}
+        self.parent.schedule(tasks.event(f"{server}.start", [{"goal": goal, "sender": sender}]))
+        over_s = begun_s + max((float(one[-1]) for one in requests.values()), default=0.0) + _ANSWER_S
+        while self.get_time_s() <= over_s:
+            try:
+                yield wait(0.0)
+            except GeneratorExit:
+                self.parent.schedule(tasks.event(f"{server}.preempt"))
+                raise
+            data = self.get_data(server) or {"outcome": "", "userdata": {}}
+            outcome, is_own = data["outcome"], data["userdata"].get("sender") == sender
+            if is_own and outcome is not None:
+                return bool(outcome == "reached")
+            if not is_own and outcome is None:  # another movement
+                return False
+        return False
 
     def log_value(self, value: object) -> None:
         """Log a line: "[Process1] StateB 0"."""
@@ -146,15 +176,20 @@ class ControlProcess(Loop):
     def loop(self) -> None:
         """Follow the reference machine, then run the state."""
         page = self.parent.get_page(self.factory.of)
-        if page is None:
-            return
-        leave = page.data["leaving"].get(self.name, 0)
+        if page is not None:
+            self._look_at(page.data)
+        is_running = self._state is not None and not self._has_ended and not self._is_crashed
+        waits_until_s = 0.0 if self._generator is None else self._until_s
+        self.idle_until_s = waits_until_s if is_running else math.inf
+
+    def _look_at(self, data: Mapping[str, Any]) -> None:
+        leave = data["leaving"].get(self.name, 0)
         if self._is_crashed:
             if leave <= self._left:
                 return
             self._is_crashed, self._state, self._generator = False, None, None  # it may be attached again
         try:
-            self._follow(page.data, leave)
+            self._follow(data, leave)
         except Exception as error:
             self._is_crashed = True
             text = describe_error(error, f"in {type(self._state).__name__} of control process '{self.name}'")

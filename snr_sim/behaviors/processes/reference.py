@@ -19,6 +19,7 @@ Source: Kooi (2018), sections 7.3 to 7.6. There the service of events has one sl
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, get_args
@@ -26,27 +27,29 @@ from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, get_args
 import msgspec
 
 from snr_sim.behaviors.context import NS_PER_S
-from snr_sim.behaviors.endpoint import StepLoopFactory
+from snr_sim.behaviors.endpoint import StepLoop, StepLoopFactory
 from snr_sim.behaviors.flow.userdata import check_known
 from snr_sim.behaviors.interpreter import Interpreter
 from snr_sim.behaviors.processes.control_process import ControlProcess, ControlProcessFactory
+from snr_sim.behaviors.program import Program
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskId, TaskType
 
 OnStuck: TypeAlias = Literal["fail", "detach", "failsafe"]
 States: TypeAlias = Mapping[str, Mapping[str, str]]  # from each state by event to the next
+_ROUNDING_S = 1e-9
 NOOP = "NOOP"  # an event without effect, as in Kooi's program
 HANDLED = ("publish", "ended", "left", "crashed", "attach", "detach", "stop", "step")  # events, besides those of states
 
 
 def reference_parts(
-    states: States,
-    initial: str,
+    states: States | Program,
+    initial: str = "",
     name: str = "reference",
     *,
     observers: Sequence[str] = (),
@@ -58,15 +61,43 @@ def reference_parts(
     made = ReferenceFactory(
         states, initial, name, observers=observers, stop_timeout_s=stop_timeout_s, on_stuck=on_stuck
     )
-    return [StepLoopFactory(name, step_hz), made]
+    return [ReferenceClockFactory(name, step_hz), made]
+
+
+class ReferenceClockFactory(StepLoopFactory):
+    """Factory of the clock of a reference machine."""
+
+    def get(self, parent: NodeApi) -> ReferenceClock:
+        """Return the loop."""
+        return ReferenceClock(self, parent, f"{self.name}_clock", self.step_hz)
+
+
+class ReferenceClock(StepLoop):
+    """Schedules the steps of a reference machine; a thread sleeps while the machine waits for no control process."""
+
+    def __init__(self, factory: ReferenceClockFactory, parent: NodeApi, name: str, max_tick_rate_hz: float) -> None:
+        super().__init__(factory, parent, name, max_tick_rate_hz)
+        self.wakes_on: tuple[DataKey, ...] = (factory.name,)
+        self._next_s = 0.0
+
+    def loop(self) -> None:
+        """Schedule a step at most once a period; the page of the machine decides whether more are needed."""
+        now_s = self.get_time_s()
+        if now_s >= self._next_s:
+            self._next_s = now_s + 1.0 / self.max_tick_rate_hz - _ROUNDING_S
+            super().loop()
+        page = self.parent.get_page(self.factory.name)
+        is_waiting = page is not None and page.data["phase"] == "ending"
+        self.idle_until_s = 0.0 if is_waiting else math.inf
 
 
 class ReferenceFactory(EndpointFactory):
     """Factory of a reference machine.
 
     Args:
-        states: for each state, the state that follows each event.
-        initial: in which it begins.
+        states: for each state, the state that follows each event; or a program of one machine, by `machine(...)` or
+            `parse(...)`, whose transitions wait for events alone.
+        initial: in which it begins; that of the program, or the first, if not given.
         name: of the component, of its page, and the beginning of its events' names.
         observers: names of the control processes that it waits for.
         stop_timeout_s: how long a control process may take to end a state.
@@ -75,13 +106,14 @@ class ReferenceFactory(EndpointFactory):
 
     Raises:
         ProgramError: a state that is named does not exist.
+        ConfigError: the program has more than states and events.
         ParameterError: the time is not positive, the policy is unknown, or an observer is named twice.
     """
 
     def __init__(
         self,
-        states: States,
-        initial: str,
+        states: States | Program,
+        initial: str = "",
         name: str = "reference",
         *,
         observers: Sequence[str] = (),
@@ -95,6 +127,10 @@ class ReferenceFactory(EndpointFactory):
             raise ParameterError(f"stop_timeout_s is {stop_timeout_s!r}.", fix="seconds, such as 2.0.")
         if isinstance(observers, str) or len(set(observers)) != len(observers):
             raise ParameterError(f"observers is {observers!r}.", fix="a list of names, each once.")
+        if isinstance(states, Program):
+            program, states = states, _states_of(states)
+            initial = initial or program.spawns[0].initial
+        initial = initial or next(iter(states), "")
         rows = [state(one, *(on(event, to=target) for event, target in then.items())) for one, then in states.items()]
         self.program = machine(name, initial, rows)
         self.states: dict[str, dict[str, str]] = {one: dict(then) for one, then in states.items()}
@@ -107,6 +143,34 @@ class ReferenceFactory(EndpointFactory):
     def get(self, parent: NodeApi) -> Reference:
         """Return the component."""
         return Reference(self, parent, self.name)
+
+
+def _states_of(program: Program) -> States:
+    """Return the states and events of a program.
+
+    Raises:
+        ConfigError: it has more than these, which nothing would execute, or not one machine.
+    """
+    machines = [spawn.machine for _, spawn in program.walk()]
+    states = [one for each in machines for one in each.states]
+    arrows = [one for each in machines for one in each.transitions]
+    blocks = [one for each in states for one in (*each.enter, *each.during, *each.leave)]
+    what = (
+        f"{len(machines)} machines" if len(machines) != 1
+        else "a transition that waits for no event" if any(one.signal is None for one in arrows)
+        else "blocks" if blocks or any(one.effect for one in arrows)
+        else "rules" if program.rules else ""
+    )  # fmt: skip
+    if what:
+        raise ConfigError(
+            f"The program of a reference machine has {what}; it may have one machine with states and events alone.",
+            fix="let the states of a control process do the work, and publish an event.",
+        )
+    return {
+        # Of several transitions by one event the first is taken.
+        one.name: {str(arrow.signal): arrow.target for arrow in reversed(list(machines[0].transitions_of(one.name)))}
+        for one in states
+    }
 
 
 class _Event(NamedTuple):
