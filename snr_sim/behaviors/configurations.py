@@ -194,7 +194,7 @@ class _State:
     enter: list[UnknownBlock | _Machine]
     during: list[UnknownBlock]
     leave: list[UnknownBlock]
-    inner: list[_Machine]
+    machines: list[_Machine]
     arrows: list[_Arrow]
     chains: bool
     signals: frozenset[str]
@@ -349,9 +349,9 @@ class _Search:
         if limit_ns <= 0:
             return made
         during = self._executed([values], state.during)
-        if not state.inner:
+        if not state.machines:
             return made + [(one, way, None) for one in during]
-        cases = self._stepped([(one, way, None) for one in during], state.inner, signal)
+        cases = self._stepped([(one, way, None) for one in during], state.machines, signal)
         return made + [(new, after, None if moved is machine else moved) for new, after, moved in cases]
 
     def _take(
@@ -401,7 +401,7 @@ class _Search:
     def _left(self, cases: list[Values], machine: _Machine) -> list[Values]:
         """Return what can be after the state of a machine is left; the machines inside first, the last one first."""
         state = machine.states[cases[0][machine.at]]
-        for inner in reversed(state.inner):
+        for inner in reversed(state.machines):
             cases = [_with(values, inner.at, None) for values in self._left(cases, inner)]
         return self._executed(cases, state.leave)
 
