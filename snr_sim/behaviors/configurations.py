@@ -21,6 +21,7 @@ from snr_sim.behaviors.unknown import ANY_VALUE, BOTH, UnknownBlock, UnknownWorl
 
 MAX_CONFIGURATIONS = 100_000  # of machines that share variables
 MAX_TRANSITIONS = 1_000_000  # that are tried for them
+MAX_CASES = 10_000  # to which one step may lead
 MAX_CHAIN = 16  # see interpreter.py
 CERTAIN = (True,)
 STEP = "step"  # in a way: a step without a transition, in which a variable has changed
@@ -143,7 +144,7 @@ def _relevant(program: Program, named: list[_Named]) -> set[int]:
 
 
 class _Group(NamedTuple):
-    """Machines at the top, by their order, and rules, that share variables: `places` of these."""
+    """Machines at the top, by their order, and rules, that share variables which change; `places` of all they name."""
 
     places: frozenset[int]
     top: tuple[int, ...]
@@ -152,13 +153,14 @@ class _Group(NamedTuple):
 
 def _groups(bound: BoundProgram, named: list[_Named], followed: set[int]) -> list[_Group]:
     """Return the groups to be searched."""
+    written = frozenset[int]().union(*(one.writes for one in named))
     rows = [_Group(one.keys & followed, (), (one.rule,)) for one in named if one.rule is not None]
     for i, (top, _) in enumerate(bound.top):
         keys = (one.keys for one in named if f"{one.path}/".startswith(f"{top.path}/"))
         rows.append(_Group(frozenset(followed).intersection(frozenset().union(*keys)), (i,), ()))
     made: list[_Group] = []
     for row in rows:
-        same = [row, *(one for one in made if one.places & row.places)]
+        same = [row, *(one for one in made if one.places & row.places & written)]
         made = [one for one in made if one not in same]
         machines = sorted(i for one in same for i in one.top)
         rules = tuple(rule for one in same for rule in one.rules)
@@ -194,7 +196,7 @@ class _State:
     enter: list[UnknownBlock | _Machine]
     during: list[UnknownBlock]
     leave: list[UnknownBlock]
-    inner: list[_Machine]
+    machines: list[_Machine]
     arrows: list[_Arrow]
     chains: bool
     signals: frozenset[str]
@@ -332,6 +334,8 @@ class _Search:
                 for values, way, moved in cases
                 for case in ([(values, way, moved)] if moved else self._step(values, way, machine, signal))
             ]
+            if len(cases) > MAX_CASES:
+                raise _TooManyError
         return cases
 
     def _step(self, values: Values, way: Way | None, machine: _Machine, signal: str | None) -> list[Case]:
@@ -349,9 +353,9 @@ class _Search:
         if limit_ns <= 0:
             return made
         during = self._executed([values], state.during)
-        if not state.inner:
+        if not state.machines:
             return made + [(one, way, None) for one in during]
-        cases = self._stepped([(one, way, None) for one in during], state.inner, signal)
+        cases = self._stepped([(one, way, None) for one in during], state.machines, signal)
         return made + [(new, after, None if moved is machine else moved) for new, after, moved in cases]
 
     def _take(
@@ -401,7 +405,7 @@ class _Search:
     def _left(self, cases: list[Values], machine: _Machine) -> list[Values]:
         """Return what can be after the state of a machine is left; the machines inside first, the last one first."""
         state = machine.states[cases[0][machine.at]]
-        for inner in reversed(state.inner):
+        for inner in reversed(state.machines):
             cases = [_with(values, inner.at, None) for values in self._left(cases, inner)]
         return self._executed(cases, state.leave)
 

@@ -74,10 +74,8 @@ def explore(program: Program) -> Explored:
     found, named = search(program), dict(with_names(program.spawns))
     followed = {name for names in found.counts for name in names}
     ways = {key: way for key, way in _ways(program.spawns).items() if key[0].split("/")[0] not in followed} | found.ways
-    count = sum(found.counts.values())  # exact: integers
-    count += sum(
-        _configurations(spawn.machine, name, ways) for name, spawn in named.items() if name not in followed
-    )  # exact: integers
+    others = [_configurations(spawn.machine, name, ways) for name, spawn in named.items() if name not in followed]
+    count = sum(others) + sum(found.counts.values())  # exact: integers
     rows = [
         Finding("violated", "", rule.name, rule.place, f"'{rule.name}' can be false: {values or 'always'}.", way)
         for rule, (way, values) in found.violations.items()

@@ -95,11 +95,9 @@ def _print(name: str, report: dict[str, Any]) -> None:
         where = f"    line {row['line']:<4} {row['machine']}: condition {row['condition']}"
         if bool(row["was_true"]) != bool(row["was_false"]):
             print_text(f"{where} was never {'false' if row['was_true'] else 'true'}")
-    pairs = report["pairs"]
-    if pairs:
-        print_text(
-            f"    {sum(row['taken'] > 0 for row in pairs)} of {len(pairs)} pairs of transitions in sequence"
-        )  # exact: integers
+    in_sequence = [row["taken"] > 0 for row in report["pairs"]]
+    if in_sequence:
+        print_text(f"    {in_sequence.count(True)} of {len(in_sequence)} pairs of transitions in sequence")
     for row in report["time_outs"]:
         where = f"    line {row['line']:<4} {row['machine']}: the time of {row['transition']} in {row['state']}"
         if not row["fired"]:

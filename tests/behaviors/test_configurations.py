@@ -121,6 +121,26 @@ def test_one_variable_that_is_left_out_does_not_blind_another() -> None:
     assert ("unreachable", "c") in [(one.kind, one.name) for one in found.findings]
 
 
+def many_machines(enters: str) -> str:
+    machines = "".join(
+        f"(machine m{i} (state a{enters}) (state b) (on [n >= 0 and robot.x.read() > {i}] a -> b) (on [n >= 0] b -> a))"
+        for i in range(30)
+    )
+    return f"(var n := [0]) {machines} {' '.join(f'(spawn m{i} a)' for i in range(30))}"
+
+
+def test_step_of_many_machines_with_too_many_results_ends_in_time() -> None:
+    begun_s = time.process_time()
+    found = explored(many_machines(" (onentry [n = 1 - n])"))
+    assert time.process_time() - begun_s < 3.0
+    assert (found.findings, found.left_out) == ([], ("n",))
+
+
+def test_machines_that_share_a_constant_are_searched_one_after_the_other() -> None:
+    found = explored(many_machines(""))
+    assert (found.findings, found.left_out, found.configurations) == ([], (), 60)
+
+
 def test_rule_of_a_reading_is_undecided() -> None:
     text = "(var n := [0])" + SIMPLE + "(always near [n == 0 or robot.x.read() > 3]) (always far [n < 2]) (spawn m a)"
     found = explored(text)

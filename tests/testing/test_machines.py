@@ -144,6 +144,15 @@ def test_machine_in_python_takes_readings_that_are_given(tmp_path: Path, capsys:
     assert "from dive import DIVE\n" in capsys.readouterr().out  # it reads a page that nothing has stored
 
 
+def test_variables_are_set_only_if_their_values_are_given() -> None:
+    program = parse(SOUND.replace("(spawn lamp dark)", "(always small [lit < 5])(spawn lamp dark)"))
+    assert failing_story(random_stories(program), 5) is None
+    found = failing_story(random_stories(program, sets={"lit": [4, 7]}), 20)
+    assert found is not None
+    assert len(found[0]) == 2  # and a step, after which the rule is looked at
+    assert found[0][0] == ("set", ("lit", 7))
+
+
 def test_readings_are_drawn_from_the_limits_of_the_bridge() -> None:
     program = parse(SOUND.replace("> 40", "> 90"))
     assert failing_story(random_stories(program, bridge=Bridge({"light": Read("x", low=0, high=50)})), 1) is None
