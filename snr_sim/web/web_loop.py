@@ -16,7 +16,7 @@ class WebLoopFactory(ServerLoopFactory):
     """Factory of a loop that serves at one address of this machine; arguments as of `LiveLoopFactory`.
 
     Args:
-        is_for_programs: whether those that are no browser may connect, with the token in the address.
+        is_for_programs: whether programs other than browsers may connect, with the token in the address.
 
     Raises:
         ConfigError: the address or the token cannot be used.

@@ -45,14 +45,16 @@ RANGES = [{"distance_m": 0.1 if i % 20 > 17 else 1.0} for i in range(20)]
 
 # What a browser does: it prints the time to its first state, and, of each edit, that until its effect was seen.
 BROWSER = """
-import json, sys, time
+import json, re, sys, time
 from websockets.sync.client import connect
 origin, cookie, wall_s, edits_per_s = sys.argv[1], sys.argv[2], float(sys.argv[3]), float(sys.argv[4])
 url = origin.replace("http", "ws") + "/machine/explorer/socket"
 headers = {"Cookie": cookie}
 with connect(url, origin=origin, additional_headers=headers, compression=None, proxy=None) as page:
     hello = json.loads(page.recv())
-    text, sha256, seen, number = hello["text"], hello["sha256"], 0, 0
+    text, sha256, seen = hello["text"], hello["sha256"], 0
+    speed = re.compile(r"(?<=speed := \\[)\\d+")
+    number = int(speed.search(text)[0]) - 50
     while json.loads(page.recv())["kind"] != "state":
         pass
     print("shown", flush=True)
@@ -61,7 +63,7 @@ with connect(url, origin=origin, additional_headers=headers, compression=None, p
     while (now_s := time.monotonic()) - begun_s < wall_s:
         if edits_per_s and sent_s is None and now_s >= due_s:
             number += 1
-            changed = text.replace("[50]", f"[{50 + number % 40}]")
+            changed = speed.sub(str(50 + number % 40), text)
             page.send(json.dumps({"kind": "edit", "number": number, "text": changed, "base_sha256": sha256}))
             sent_s, due_s = now_s, due_s + 1.0 / edits_per_s
         message = json.loads(page.recv())
@@ -76,11 +78,11 @@ print(json.dumps({"states": seen, "effects_s": effects_s}))
 
 
 class Flight:
-    """A node on the wall clock with an explorer, and a live page if it is to have one."""
+    """A node on the wall clock with an explorer, and a live page if it is to have one; it has readings for an hour."""
 
-    def __init__(self, has_page: bool) -> None:
+    def __init__(self, has_page: bool, *more: Any) -> None:
         explorer = machine_parts(parse(EXPLORER, BRIDGE.parts), "explorer", bridge=BRIDGE, step_hz=STEP_HZ)
-        factories: list[Any] = [ListReplayerFactory(RANGES * 1000, "range", rate_hz=20.0), *explorer]
+        factories: list[Any] = [ListReplayerFactory(RANGES * 3600, "range", rate_hz=20.0), *explorer, *more]
         self.live: Any = None
         if has_page:
             from snr_sim.web.live import LiveLoopFactory

@@ -188,7 +188,7 @@ def test_message_that_cannot_be_carried_out_is_answered_and_changes_nothing(
     "data",
     ["", "{", b"\xff\xfe", '"' + "[" * 200, "[" * 101 + "]" * 101, '{"op":"publish","msg":{"data":' + "9" * 30 + "}}"],
 )
-def test_what_is_no_message_hangs_up(data: str | bytes, ros: Ros) -> None:
+def test_invalid_message_hangs_up_and_changes_nothing(data: str | bytes, ros: Ros) -> None:
     with pytest.raises(HungUpError, match="not a message"):
         ros.session.receive(data)
     assert not ros.node.inbox.waiting
@@ -342,12 +342,12 @@ def test_flood_and_a_message_that_is_too_large_close_the_connection_only() -> No
 
 @pytest.mark.slow
 def test_tool_that_reads_nothing_is_closed_and_disturbs_no_other() -> None:
-    with served("x" * 200_000) as (_, factory), tool(factory.url, max_queue=1) as deaf, tool(factory.url) as other:
-        for socket in (deaf, other):
+    with served("x" * 200_000) as (_, factory), tool(factory.url, max_queue=1) as paused, tool(factory.url) as other:
+        for socket in (paused, other):
             send(socket, "subscribe", topic="/count")
         for _ in range(200):
             receive(other)
-        assert read_to_the_end(deaf) < 180, "it was closed"
+        assert read_to_the_end(paused) < 180, "it was closed"
 
 
 ROSLIBPY = """
