@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from snr_sim import Config
 from snr_sim.behaviors import machine_parts, parse
+from snr_sim.scenario.machine_controller import guard_edits
 from snr_sim.web import live_machine
 from tests.web.dive import BRIDGE, DIVER, SHA, Live, edit, event_at, parts, with_push
 
@@ -76,6 +78,20 @@ def test_edit_from_elsewhere_is_shown() -> None:
     live.until(0.6)
     assert (browser.newest("program")["by"], browser.newest("program")["t_s"]) == ("elsewhere", 0.5)
     assert browser.of("edited") == []
+
+
+def test_guarded_edit_that_fails_is_undone_and_shown() -> None:
+    factories = parts()
+    guard_edits(Config(factories={"r": factories}), 3.0)
+    live = Live(*factories)
+    browser = live.browser()
+    live.until(0.5)
+    edit(browser, 1, DIVER.replace("start(push)", "start(push / 0)"))
+    live.until(0.6)
+    live.until(1.2)
+    assert [(one["number"], one["by"]) for one in browser.of("program")] == [(2, "page"), (3, "elsewhere")]
+    assert browser.newest("program")["text"] == DIVER
+    assert browser.newest("edited")["ok"]
 
 
 def test_undo_goes_back_one_edit_each_time(live: Live) -> None:
