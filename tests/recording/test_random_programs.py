@@ -111,6 +111,10 @@ class Two(Endpoint):
 class Beat(Parts, Loop):
     max_tick_rate_hz = 10.0
 
+    def setup(self):
+        # setup
+        pass
+
     def loop(self):
         # loop
         self.bump()
@@ -134,6 +138,8 @@ config = Config(factories={{"r": [One.factory("one"), Two.factory("two"), Beat.f
         ("# begin", "hang(self)", "Kept as before: one"),
         ("# loop", "hang(self)", "one, beat as before it"),
         ("# loop", "self.store_data('alpha', 1)", "'beat' has made page"),
+        ("# setup", "self.missing()", "Kept as before: beat"),
+        ("# setup", "hang(self)", "Kept as before: beat"),
         ("# top", "while interrupt_new_code(NODE, 'It has not returned.'): pass", "Kept as before: one, beat"),
     ],
 )
