@@ -129,6 +129,17 @@ config = Config(factories={{"r": [One.factory("one"), Two.factory("two"), Beat.f
 """
 
 
+def test_reload_whose_page_was_not_stored_when_the_run_ended_replays_identically(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    folder, reload = tmp_path_factory.mktemp("ended"), 'tasks.reload_component("one", "beat")'
+    (folder / "edited.txt").write_text("")
+    text = EDITED.replace(reload, f'[{reload}, tasks.event("stop")]')
+    fails = '    @handles(event="stop")\n    def on_stop(self, task):\n        raise ValueError\n\n'
+    trace = check(Program(text.replace('    @handles("alpha")', fails + '    @handles("alpha")'), 0, 1.0), folder)
+    assert not [one for one in trace.records if isinstance(one, PageRecord) and one.name == "reload"]
+
+
 @pytest.mark.parametrize(
     ("place", "line", "outcome"),
     [
