@@ -365,7 +365,7 @@ class NodeCore(Endpoint):
             (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): manager.remove_component,
             (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): manager.remove_component,
             (TaskType.event, tasks.ROLL_BACK_TASK_NAME): probations.roll_back,
-            (TaskType.event, tasks.INTERRUPT_TASK_NAME): probations.end_interrupt,
+            (TaskType.event, tasks.FAILED_CALL_TASK_NAME): probations.end_failed_call,
             (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
         }
 

@@ -19,7 +19,7 @@ ADD_COMPONENT_TASK_NAME = "add_component"
 REMOVE_COMPONENT_TASK_NAME = "remove_component"
 REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"  # the thesis' name of it
 ROLL_BACK_TASK_NAME = "roll_back"
-INTERRUPT_TASK_NAME = "interrupt_call"
+FAILED_CALL_TASK_NAME = "failed_call"
 CHANGE_TASK_NAMES = frozenset(
     (ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME, REMOVE_ENDPOINT_TASK_NAME, ROLL_BACK_TASK_NAME)
 )
@@ -97,6 +97,6 @@ def roll_back(name: str, number: int, message: str) -> Task:
     return Task(TaskType.event, ROLL_BACK_TASK_NAME, [name, number, message])
 
 
-def interrupt_call(what: str, message: str) -> Task:
-    """Return the task that records which call of new code was interrupted, and why; see `reload/new_code_calls.py`."""
-    return Task(TaskType.event, INTERRUPT_TASK_NAME, [what, message])
+def failed_call(what: str, message: str) -> Task:
+    """Return the task that records a call which a replay does not repeat, and why: see `reload/new_code_calls.py`."""
+    return Task(TaskType.event, FAILED_CALL_TASK_NAME, [what, message])

@@ -30,7 +30,7 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.checker import NodeReplay, ReplayChecker
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import BeginRecord, Executed, InputRecord, PageRecord, Record
+from snr_sim.recording.records import BeginRecord, Executed, InputRecord, Record, TaskRecord
 
 # The text that describes the reloaded code does not count as a difference in behaviour. Nor does the text of a failure:
 # it names a file relative to the folder in which the run was started, and Python's messages differ between versions.
@@ -182,7 +182,7 @@ def _input_task(record: InputRecord) -> Task:
 
 def reload_sources(trace: Trace) -> dict[int, dict[str, str]]:
     """Return the sha256 of each file that a reload read, by its name and its folder's, by the seq of the reload."""
-    return {record.cause: dict(data["sources"]) for record, data in _reloads(trace.records)}
+    return {record.seq: dict(data["sources"]) for record, data in _reloads(trace.records)}
 
 
 def describe_reloads(trace: Trace, replayed: Sequence[Record]) -> list[str]:
@@ -208,10 +208,15 @@ def describe_reloads(trace: Trace, replayed: Sequence[Record]) -> list[str]:
     return sentences
 
 
-def _reloads(records: Sequence[Record]) -> Iterator[tuple[PageRecord, dict[str, Any]]]:
-    """Yield the pages about reloads, and their data; a student's own page may have that key, too."""
+def _reloads(records: Sequence[Record]) -> Iterator[tuple[TaskRecord, dict[str, Any]]]:
+    """Yield the reloads, and the data of the page that each has returned, whether or not it was stored before the end.
+
+    A student's own handler of a reload may return a page of that key, too.
+    """
     for record in records:
-        if isinstance(record, PageRecord) and record.name == TaskType.reload:
-            page = decode_value(bytes(record.values), KINDS)[0]
+        if not (isinstance(record, TaskRecord) and record.type == TaskType.reload):
+            continue
+        for returned in (task for call in record.handled for task in call.returned if task.name == TaskType.reload):
+            page = next(iter(decode_value(bytes(returned.values), KINDS)), None)
             if isinstance(page, Page) and isinstance(page.data, dict) and "sources" in page.data:
                 yield record, page.data

@@ -74,7 +74,7 @@ def test_handler_that_does_not_return_leaves_its_task_to_the_old_code_and_its_st
         "\n  Try: return.", "\n  1.000 s after its reload, which was rolled back: pilot as before it.\n  Try: return."
     )
     if recorder is not None:
-        assert [task.val_list for source, task in recorder.inputs if source == "watchdog"] == [["pilot.on_fly", WHY]]
+        assert [task.val_list for source, task in recorder.inputs if source == "node_core"] == [["pilot.on_fly", WHY]]
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_reload_of_code_that_does_not_return_fails_and_keeps_the_old_code(
     assert vars(factory).keys() == state.keys()
     assert outcome(node)["message"].splitlines()[:2] == WHY.splitlines()[:2]
     assert "Kept as before: pilot." in outcome(node)["message"]
-    ((call, why),) = [task.val_list for source, task in recorder.inputs if source == "watchdog"]
+    ((call, why),) = [task.val_list for source, task in recorder.inputs if source == "node_core"]
     assert (call.endswith(what), why) == (True, WHY)
 
 

@@ -111,6 +111,10 @@ class Two(Endpoint):
 class Beat(Parts, Loop):
     max_tick_rate_hz = 10.0
 
+    def setup(self):
+        # setup
+        pass
+
     def loop(self):
         # loop
         self.bump()
@@ -125,6 +129,17 @@ config = Config(factories={{"r": [One.factory("one"), Two.factory("two"), Beat.f
 """
 
 
+def test_reload_whose_page_was_not_stored_when_the_run_ended_replays_identically(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    folder, reload = tmp_path_factory.mktemp("ended"), 'tasks.reload_component("one", "beat")'
+    (folder / "edited.txt").write_text("")
+    text = EDITED.replace(reload, f'[{reload}, tasks.event("stop")]')
+    fails = '    @handles(event="stop")\n    def on_stop(self, task):\n        raise ValueError\n\n'
+    trace = check(Program(text.replace('    @handles("alpha")', fails + '    @handles("alpha")'), 0, 1.0), folder)
+    assert not [one for one in trace.records if isinstance(one, PageRecord) and one.name == "reload"]
+
+
 @pytest.mark.parametrize(
     ("place", "line", "outcome"),
     [
@@ -134,6 +149,8 @@ config = Config(factories={{"r": [One.factory("one"), Two.factory("two"), Beat.f
         ("# begin", "hang(self)", "Kept as before: one"),
         ("# loop", "hang(self)", "one, beat as before it"),
         ("# loop", "self.store_data('alpha', 1)", "'beat' has made page"),
+        ("# setup", "self.missing()", "Kept as before: beat"),
+        ("# setup", "hang(self)", "Kept as before: beat"),
         ("# top", "while interrupt_new_code(NODE, 'It has not returned.'): pass", "Kept as before: one, beat"),
     ],
 )

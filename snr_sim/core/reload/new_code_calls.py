@@ -1,8 +1,9 @@
 """Guarded calls of new code: what a call schedules is queued only if it returns; one that does not is interrupted.
 
-An interrupt depends on the wall clock, so it is an input: event `interrupt_call` (which call, why), recorded before the
+An interrupt depends on the wall clock, so it is an input: event `failed_call` (which call, why), recorded before the
 task in which it was. A replay gets it before that task, and abandons the call in the same place without executing it.
-So what the call had changed outside of its component and its factory, which are put back, stays in the run only.
+So what the call had changed outside of its component and its factory, which are put back, stays in the run only. The
+same event records a loop that could not begin, since a replay begins no loops.
 """
 
 from __future__ import annotations
@@ -10,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, TypeVar
 
+from snr_sim.core.component import CORE_NAME
 from snr_sim.core.machine import GuardedCall
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.task import Page, Task
 
-SOURCE = "watchdog"  # of the interrupts
 MAX_MADE = 1000  # tasks of new code that are remembered
 T = TypeVar("T")
 
@@ -31,20 +32,29 @@ class NewCodeCalls:
     Attributes:
         made: by the id of their page, or their own: that object, to keep it alive, and the name of the component.
         late: the same of code that has been rolled back since.
-        interrupted: by call: what the recording says of those to come, in a replay.
+        failed: by call: messages of those to come in a replay, in order.
     """
 
     def __init__(self, node: NodeParts) -> None:
         self.made: dict[int, tuple[object, str]] = {}
         self.late: dict[int, tuple[object, str]] = {}
-        self.interrupted: dict[str, str] = {}
+        self.failed: dict[str, list[str]] = {}
         self._node = node
 
     def on_input(self, task: Task, source: str) -> None:
-        """Remember an interrupt that a replay brings."""
+        """Remember a failed call that a replay brings."""
         match task.val_list:
-            case [str(what), str(message)] if (source, task.name) == (SOURCE, tasks.INTERRUPT_TASK_NAME):
-                self.interrupted[what] = message
+            case [str(what), str(message)] if (source, task.name) == (CORE_NAME, tasks.FAILED_CALL_TASK_NAME):
+                self.failed.setdefault(what, []).append(message)
+
+    def record(self, what: str, message: str) -> None:
+        """Record a failed call that a replay cannot repeat."""
+        self._node.machine.record_effective(tasks.failed_call(what, message), CORE_NAME)
+
+    def raise_recorded(self, what: str, component: str) -> None:
+        """Raise an AbandonedCallError if the call failed in the recorded run."""
+        if self.failed.get(what):
+            raise AbandonedCallError(self.failed[what].pop(0), self._node.name, component)
 
     def call(self, what: str, component: str, function: Callable[[], T]) -> T:
         """Call new code of a component, and queue the tasks that it has scheduled; else as `call_guarded`."""
@@ -61,21 +71,19 @@ class NewCodeCalls:
         Raises:
             AbandonedCallError: it was interrupted.
         """
+        self.raise_recorded(what, component)
         guarded = GuardedCall(component, is_interruptible=not self._node.is_replay)
-        if what in self.interrupted:
-            guarded.message = self.interrupted.pop(what)
+        try:
+            returned = self.run(guarded, function)
+        except BaseException as error:
+            if not guarded.is_interrupted or isinstance(error, KeyboardInterrupt):
+                raise
         else:
-            try:
-                returned = self.run(guarded, function)
-            except BaseException as error:
-                if not guarded.is_interrupted or isinstance(error, KeyboardInterrupt):
-                    raise
-            else:
-                if not guarded.is_interrupted:  # its code has not caught an interrupt
-                    self.keep(component, guarded.scheduled)
-                    return returned, guarded.scheduled
-            if what:
-                self._node.machine.record_effective(tasks.interrupt_call(what, guarded.message), SOURCE)
+            if not guarded.is_interrupted:  # its code has not caught an interrupt
+                self.keep(component, guarded.scheduled)
+                return returned, guarded.scheduled
+        if what:
+            self.record(what, guarded.message)
         raise AbandonedCallError(guarded.message, self._node.name, component)
 
     def run(self, guarded: GuardedCall, function: Callable[[], T]) -> T:

@@ -175,9 +175,17 @@ class ComponentManager:
                     self.life.registry.add(self.life.registry.make(factory), index)
 
     def begin(self, component: AnyComponent) -> None:
-        """Begin a component, unless it is a loop in a replay; raise a ComponentFailedError if it raises."""
-        if not self.is_absent(component):
+        """Begin a component, raise a ComponentFailedError if it raises; a loop in a replay only raises as recorded."""
+        what = f"{component.name}.begin"
+        if self.is_absent(component):
+            self.calls.raise_recorded(what, component.name)
+            return
+        try:
             self.life.begin_added(component)
+        except ComponentFailedError as failure:
+            if isinstance(component, Loop):
+                self.calls.record(what, failure.message)
+            raise
 
     def begin_again(self, old: AnyComponent) -> list[str]:
         """Begin a component that was put back; if it fails, remove it and return the messages."""

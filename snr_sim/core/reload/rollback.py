@@ -94,7 +94,7 @@ class Probations:
         self._manager.life.wrap_loop = self.wrap_loop
 
     def on_input(self, task: Task, source: str) -> None:
-        """Remember a page that a loop on probation brings; in a replay also an interrupt."""
+        """Remember a page that a loop on probation brings; in a replay also a failed call."""
         if self._node.is_replay:
             self._calls.on_input(task, source)
         probation = self._find(source)
@@ -240,11 +240,11 @@ class Probations:
     def _probation_of(self, component: Component) -> Probation | None:
         return next((one for one in self._probations if one.new.get(component.name) is component), None)
 
-    def end_interrupt(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Handle an interrupt in its turn: it has taken effect in the task before which it was recorded."""
+    def end_failed_call(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Handle a failed call in its turn: it has taken effect in the task before which it was recorded."""
         match task.val_list:
             case [str(what), _]:
-                self._calls.interrupted.pop(what, None)  # not yet abandoned: in a replay with other code
+                self._calls.failed.pop(what, None)  # not yet abandoned: in a replay with other code
         return None
 
     def _find(self, name: str, now_s: float | None = None) -> Probation | None:
