@@ -336,14 +336,8 @@ def _untag_array(value: dict[str, Any]) -> Any:
         flat = np.frombuffer(little_endian, dtype.newbyteorder("<")) if little_endian else np.empty(0, dtype)
         array = flat.astype(dtype).reshape(shape)
     else:
-        items = _items(value["data"], shape, _ITEM_TYPES[dtype.kind])
-        if dtype.kind == "f" and dtype.itemsize < 8:
-            with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
-                array = np.array(items, dtype)
-        else:
-            array = np.array(items, dtype)
-        if len(shape) != 1:
-            array = array.reshape(shape)
+        with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
+            array = np.array(_items(value["data"], shape, _ITEM_TYPES[dtype.kind]), dtype).reshape(shape)
     return array if shape else array[()]
 
 

@@ -8,7 +8,6 @@ Run by `snr bench start_up`.
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -17,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-from harness import Row
+from harness import Row, with_bytecode
 
 PROJECT = Path(__file__).resolve().parents[2]
 sys.path.append(str(PROJECT / "tests"))
@@ -29,14 +28,9 @@ HELP = [sys.executable, "-m", "snr_sim", "--help"]
 
 
 def wall_time_s(command: list[str], bytecode: Path) -> float:
-    """Return the time of one process from start to end, with its bytecode kept in a folder.
-
-    Python stores bytecode next to the source unless the environment forbids it; an installation by pip includes it.
-    """
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
+    """Return the time of one process from start to end, with its bytecode kept in a folder."""
     start_s = time.perf_counter()
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=with_bytecode(bytecode))
     return time.perf_counter() - start_s
 
 

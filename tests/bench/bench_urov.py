@@ -134,7 +134,7 @@ def view_of_dive(rounds: int) -> Row:
         times_s = []
         for _ in range(rounds):
             Path(folder, VIEW_NAME).unlink(missing_ok=True)
-            times_s.append(cpu_time_of_process_s(command))
+            times_s.append(cpu_time_of_process_s(command, Path(folder, "bytecode")))
     return Row(
         f"urov, the view of a dive of {DIVE_S:g} s: from the start of a process to view.rrd",
         min(times_s),
