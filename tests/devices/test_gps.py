@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from snr_sim.devices.loops import start_device
 
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.wire.nmea import checksum
 from snr_sim.prelude.device import Stale

@@ -5,8 +5,8 @@ from typing import Any
 
 import adafruit_icm20x
 import pytest
-from snr_sim.devices.loops import start_device
 
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.sensors.icm20948 import Icm20948
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError

@@ -10,8 +10,8 @@ from time import sleep
 from typing import Any
 
 import pytest
-from snr_sim.devices.loops import start_device
 
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.pwm.maestro import Maestro
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.wire.serial_port import SerialPort

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from snr_sim.devices.loops import start_device
 
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.emulated.board import PINS
 from snr_sim.devices.mcu.mcu import McuPower, McuPwm, PowerScale
 from snr_sim.devices.wire.mcu_messages import McuState

@@ -1,8 +1,8 @@
 """The real sensor's driver against the part of the data sheet, in simulated time."""
 
 import pytest
-from snr_sim.devices.loops import start_device
 
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.sensors.ms5837 import Ms5837
 from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.prelude.device import Stale

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 from adafruit_pca9685 import PCA9685
-from snr_sim.devices.loops import start_device
 
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pca9685 import PRE_SCALE, Pca9685
 from snr_sim.prelude.errors import DeviceError, ParameterError

@@ -2,9 +2,9 @@
 
 import msgspec
 import pytest
-from snr_sim.devices.loops import start_device
 
 from snr_sim import Page
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.prelude.device import Sensor, Stale
 from snr_sim.prelude.errors import DeviceError, SensorLostError

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from rpi_hardware_pwm import HardwarePWM
-from snr_sim.devices.loops import start_device
 
+from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.sysfs_pwm import SysfsPins, find_chip
 from snr_sim.prelude.errors import DeviceError
