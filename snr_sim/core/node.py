@@ -319,9 +319,9 @@ class Node(NodeMembers):
         """Remarks for the end of the run."""
         return self.report.notes
 
-    def add_note(self, text: str, lines: str = "") -> None:
+    def add_note(self, text: str, lines: str = "", *, is_recorded: bool = True) -> None:
         """Keep a remark for the end of the run, once: see `NodeReport.add_note`."""
-        self.report.add_note(text, lines)
+        self.report.add_note(text, lines, is_recorded=is_recorded)
 
     def note_object(self, key: DataKey, kind: type) -> bool:
         """Return whether a page of this key held an object of this class for the first time."""

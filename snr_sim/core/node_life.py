@@ -164,7 +164,7 @@ class NodeLife:
         self.report.notes.extend(failure.message for failure in failures[1:])  # the first is raised
         if self._recorder is not None:
             counts = {"tasks": self.node.machine.executed, "pages": self.node.datastore.stored}
-            summary = {**counts, "notes": self.report.notes}
+            summary = {**counts, "notes": self.report.recorded_notes()}
             self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", summary)
         # With the student's lines, which a trace does not contain.
         self.report.notes[first_added : first_added + len(lines)] = lines

@@ -22,6 +22,7 @@ class NodeReport:
         self._name, self._clock, self._machine = name, clock, machine
         self._recorder = recorder
         self._lines: dict[str, str] = {}  # by note: the student's lines that it is about
+        self._unrecorded: set[str] = set()
         self._objects: set[tuple[DataKey, type]] = set()  # non-data objects in pages, each noted once
         self._failures: list[ComponentFailedError] = []  # those that are in the trace
 
@@ -71,14 +72,17 @@ class NodeReport:
         if self._recorder is not None:
             self._recorder.error(self._machine.now_s, component_name, f"{INTERRUPTED}: {message}")
 
-    def add_note(self, text: str, lines: str = "") -> None:
+    def add_note(self, text: str, lines: str = "", *, is_recorded: bool = True) -> None:
         """Keep a note for the end of the run, once: repeated failures must not fill the memory.
 
         Args:
             text: of the note.
             lines: the student's lines that it is about, printed before it; they are not written to the trace.
+            is_recorded: whether the note is written to the trace.
         """
         remark = without_addresses(text)
+        if not is_recorded:
+            self._unrecorded.add(remark)
         if lines:
             self._lines.setdefault(remark, lines)
         if remark in self.notes or len(self.notes) >= MAX_NOTES:
@@ -90,6 +94,10 @@ class NodeReport:
         is_first = (key, kind) not in self._objects
         self._objects.add((key, kind))
         return is_first
+
+    def recorded_notes(self) -> list[str]:
+        """Return the notes that the trace has."""
+        return [note for note in self.notes if note not in self._unrecorded]
 
     def finished_notes(self) -> list[str]:
         """Return the notes, each with the student's lines that it is about before it."""

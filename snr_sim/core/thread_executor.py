@@ -150,5 +150,6 @@ class ThreadExecutor:
             self._halt_once()
             self._loop.parent.add_note(
                 f"Loop '{self._loop.name}' did not end within {limit_s:g} s: something in its {step}() blocks"
-                f"{'' if location is None else f' ({location})'}."
+                f"{'' if location is None else f' ({location})'}.",
+                is_recorded=not self._loop.parent.is_in_lock_step,  # there a thread has nothing to do with the run
             )

@@ -167,8 +167,11 @@ class NodeApi(Protocol):
     def get_time_s(self) -> float:
         """Return the time latched for the running task, or else the clock's [s]."""
 
-    def add_note(self, text: str, lines: str = "") -> None:
-        """Add a note to the run diagnostics, once; `lines` are the related lines of the student's code."""
+    def add_note(self, text: str, lines: str = "", *, is_recorded: bool = True) -> None:
+        """Add a note to the run diagnostics, once; `lines` are the related lines of the student's code.
+
+        What depends on the wall clock in lock step, too, is not recorded: it would change the trace.
+        """
 
     def note_object(self, key: DataKey, kind: type) -> bool:
         """Return whether a page of this key held an object of this class for the first time."""

@@ -10,10 +10,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Node, SomeTasks, Task, TaskType, TimeoutLoopFactory, WallClock, tasks
+from snr_sim import Config, Loop, Node, SimRunner, SomeTasks, Task, TaskType, TimeoutLoopFactory, WallClock, tasks
 from snr_sim.core.inbox import Inbox
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.prelude.errors import ComponentFailedError, ParameterError
+from snr_sim.testing.fake_recorder import FakeRecorder
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 
 
@@ -281,6 +282,31 @@ def test_loops_that_hang_are_halted_from_outside_named_and_cost_one_timeout_toge
     (note,) = [note for note in node.notes if "stuck2" in note]
     assert note.startswith(f"Loop 'stuck2' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks (")
     assert re.search(r"test_threads\.py, line \d+: released\.wait\(60\)\)\.$", note)
+
+
+class HangingServer(Loop):
+    """Loop that has a thread in lock step, too, as consoles and live pages have, and does not end."""
+
+    released = threading.Event()
+
+    def begin(self) -> None:
+        self.parent.start_loop(self, on_thread=True)
+
+    def loop(self) -> None:
+        self.released.wait(60)
+
+
+@pytest.mark.slow
+def test_thread_in_lock_step_changes_no_trace() -> None:
+    recorder, config = FakeRecorder(), Config(factories={"r": [HangingServer.factory(name="page")]})
+    runner = SimRunner(config, recorder=recorder, until_s=0.1)
+    try:
+        runner.run()
+    finally:
+        HangingServer.released.set()
+    assert any("Loop 'page' did not end within" in note for note in runner.nodes["r"].notes)
+    ((_, summary),) = recorder.ends
+    assert summary["notes"] == []
 
 
 def boom(component: Any) -> None:

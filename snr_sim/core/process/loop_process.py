@@ -210,7 +210,7 @@ class LoopNode(Node):
         logger.setLevel(begin["log_level"])
         logger.propagate = False
 
-    def add_note(self, text: str, lines: str = "") -> None:
+    def add_note(self, text: str, lines: str = "", *, is_recorded: bool = True) -> None:
         """Send a note to the node."""
         self._messages.send("note", lines + text)
 
