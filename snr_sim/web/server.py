@@ -215,7 +215,11 @@ async def serve(
         server.should_exit = True
         for task in (ticking, waiting):
             task.cancel()
-        await serving
+        await asyncio.wait((serving,), timeout=CLOSE_TIMEOUT_S)
+        if serving.done():
+            await serving  # raises what it has raised
+        else:
+            serving.cancel()  # uvicorn waited for ever in half of the runs on a busy computer
     if ticking.done() and not ticking.cancelled():
         ticking.result()  # raises what a page has raised
 
