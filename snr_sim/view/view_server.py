@@ -107,9 +107,10 @@ def serve_web(source: str | Path | bytes, keeps_viewer: bool = True) -> Iterator
         try:
             yield f"{page}/?url={quote(str(data), safe='')}&hide_welcome_screen=1"
         finally:
-            server.shutdown()
+            if thread.is_alive():  # it is not in a process forked from this one, where `shutdown` would wait for ever
+                server.shutdown()
+                thread.join()
             server.server_close()
-            thread.join()
 
 
 class _PageHandler(BaseHTTPRequestHandler):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -82,6 +83,36 @@ def test_killed_notebook_leaves_no_viewer_process(rrd: Path) -> None:
         kernel.communicate()
     with pytest.raises(urllib.error.URLError):
         read(page)
+
+
+FORKS = """
+import atexit, os, signal, sys
+from snr_sim.view.view_notebook import show_run
+print(show_run(sys.argv[1]).url, flush=True)
+forked = os.fork()
+if forked == 0:
+    signal.alarm(20)
+    atexit._run_exitfuncs()  # as a process of multiprocessing, which in Python 3.13 first forgets this one's
+    os._exit(0)
+print(os.waitpid(forked, 0)[1], flush=True)
+input()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked")
+def test_process_forked_from_a_notebook_ends_and_leaves_the_page_served(rrd: Path) -> None:
+    pytest.importorskip("rerun")
+    kernel = subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-c", FORKS, rrd], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        assert kernel.stdout is not None
+        page = kernel.stdout.readline().split("?")[0]
+        assert kernel.stdout.readline() == "0\n"  # a signal would have ended it otherwise
+        assert read(page + "view.rrd")[0] == rrd.read_bytes()
+    finally:
+        kernel.communicate("\n")
 
 
 def test_missing_viewer_returns_install_command(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
