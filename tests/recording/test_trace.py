@@ -225,11 +225,11 @@ def test_digest_depends_on_every_other_byte(record_scenario: Callable[..., Trace
 def test_truncated_trace_reads_up_to_last_whole_record(tmp_path: Path) -> None:
     whole = record(tmp_path, stores(VALUES))
     data = whole.path.read_bytes()
-    path = tmp_path / "cut.jsonl"
     start = len(b"".join(data.splitlines(keepends=True)[:-3]))
     head = whole.records[:-3]
     assert len(data) - start > 200
     for length in range(start, len(data) + 1):
+        path = tmp_path / f"{length}.jsonl"  # writing over a file may wait for the disk
         path.write_bytes(data[:length])
         trace = read_trace(path)
         assert len(trace.records) == len(head) + data[start:length].count(b"\n")
@@ -238,8 +238,8 @@ def test_truncated_trace_reads_up_to_last_whole_record(tmp_path: Path) -> None:
 
 def test_truncated_header_raises(record_scenario: Callable[..., Trace], tmp_path: Path) -> None:
     first, second = record_scenario().path.read_bytes().splitlines(keepends=True)[:2]
-    path = tmp_path / FILE_NAME
     for length in range(0, len(first + second), 97):
+        path = tmp_path / f"{length}.jsonl"  # writing over a file may wait for the disk
         path.write_bytes((first + second)[:length])
         with pytest.raises(TraceError, match="no whole line" if length < len(first) else "no whole header"):
             read_trace(path)
