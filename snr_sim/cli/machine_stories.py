@@ -33,9 +33,9 @@ def try_stories(
     """
     if not 0 < cases <= MAX_CASES:
         raise ParameterError(f"--cases {cases}: 1 to {MAX_CASES} of them.", fix="--cases 1000.")
-    from snr_sim.testing.machines import as_test, failing_story, random_stories
+    from snr_sim.testing.machines import StoryChoices, as_test, failing_story
 
-    found = failing_story(random_stories(program, bridge=bridge, is_strict=is_strict), cases)
+    found = failing_story(StoryChoices(program, bridge=bridge, is_strict=is_strict), cases)
     if found is None:
         print_json({"cases": cases, "reason": None}) if as_json else print_text(f"{cases} stories: none fails")
         return

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from snr_sim.testing.function_components import FunctionEndpointFactory as FunctionEndpointFactory
     from snr_sim.testing.function_components import FunctionLoopFactory as FunctionLoopFactory
     from snr_sim.testing.machines import MachineStory as MachineStory
+    from snr_sim.testing.machines import StoryChoices as StoryChoices
     from snr_sim.testing.machines import random_stories as random_stories
     from snr_sim.testing.pwm_contract import PwmBench as PwmBench
     from snr_sim.testing.pwm_contract import check_pwm_out as check_pwm_out

@@ -1,7 +1,8 @@
 """Random tests of state machines: stories of signals, readings and times, and what must be true after each step.
 
-program --> random_stories --> hypothesis --> MachineStory --> Interpreter
-                                   `--> the shortest story that fails, as a test: `snr machine try FILE`
+program --> StoryChoices --> failing_story --> the shortest story that fails, as a test: `snr machine try FILE`
+                 |-> random_stories --> hypothesis, in a suite
+                 `-> MachineStory --> Interpreter
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from snr_sim.behaviors.bridge import DRIVE_FUNCTIONS, READ_FUNCTIONS, Bridge, Drive, Read
 from snr_sim.behaviors.context import FixedPages
@@ -30,6 +31,7 @@ NS_PER_MS = 1_000_000
 STEP_MS = 10.0  # by which a random wait misses a time-out
 MAX_STEPS = 30  # of a random story
 FAR = 1000.0  # what is read at most, if nothing says what can be
+Choose: TypeAlias = Callable[[Sequence[Any]], Any]  # takes one of a sequence
 Call: TypeAlias = tuple[str, tuple[Any, ...]]  # of a method of a story: its name and its arguments
 _PART = re.compile(r"\brobot\.(\w+)\.(\w+)")
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])")
@@ -78,6 +80,11 @@ class MachineStory:
     def interpreter(self) -> Interpreter:
         """What runs the program."""
         return self._ours
+
+    @property
+    def now_ns(self) -> int:
+        """The time since the story began [ns]."""
+        return self._readings.now_ns
 
     def wait(self, ms: float) -> None:
         """Let time pass [ms], then take a step."""
@@ -167,18 +174,11 @@ def _bridge_of(program: Program) -> Bridge:
     )
 
 
-def random_stories(
-    program: Program,
-    *,
-    bridge: Bridge | None = None,
-    readings: Mapping[DataKey, Sequence[Any]] | None = None,
-    sets: Mapping[str, Sequence[Any]] | None = None,
-    is_strict: bool = False,
-) -> type[RuleBasedStateMachine]:
-    """Return hypothesis' state machine of a program; its attribute `TestCase` is a test.
+class StoryChoices:
+    """What may happen next in a story of a program: a signal; a reading; time to shortly before, at and after each
+    time-out; a pause; an edit.
 
-    Its rules: a signal; a reading; time to shortly before, at and after each time-out; a pause; an edit. Readings are
-    None, the limits of the bridge or 1000, and numbers at and around those in the text, also negative.
+    Readings are None, the limits of the bridge or 1000, and numbers at and around those in the text, also negative.
 
     Args:
         program: to be tested.
@@ -186,6 +186,65 @@ def random_stories(
         readings: of a program in Python: values for each page.
         sets: values that may be given to variables, by path.
         is_strict: whether an exception in a block is a failure.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        *,
+        bridge: Bridge | None = None,
+        readings: Mapping[DataKey, Sequence[Any]] | None = None,
+        sets: Mapping[str, Sequence[Any]] | None = None,
+        is_strict: bool = False,
+    ) -> None:
+        self._program = program
+        self._is_strict = is_strict
+        self._numbers = sorted({float(one) if "." in one else int(one) for one in _NUMBER.findall(program.text)} | {0})
+        self.readings: list[tuple[DataKey, Any]] = [
+            (name, value) for name, values in (readings or {}).items() for value in values
+        ]
+        self.readings += [
+            (name, value)
+            for name in _bridge_of(program).reads
+            for value in _values(None if bridge is None else bridge.reads.get(name), self._numbers)
+        ]
+        self._signals = program.signals()
+        self._assigned = [(path, value) for path, values in (sets or {}).items() for value in values]
+        self._waits_ms = sorted({ms for ms in (*_time_outs_ms(program, self._numbers), STEP_MS) if ms > 0})
+        self._kinds = ["wait", "pause"]
+        self._kinds += ["signal"] * bool(self._signals) + ["read"] * bool(self.readings)
+        self._kinds += ["set"] * bool(self._assigned) + ["save_again"] * _is_text(program)
+
+    def begin(self) -> MachineStory:
+        """Return a new story."""
+        return MachineStory(self._program, is_strict=self._is_strict)
+
+    def step(self, story: MachineStory, choose: Choose) -> None:
+        """Take one step of a story."""
+        kind = choose(self._kinds)
+        if kind == "wait":
+            story.wait(self._wait_ms(story, choose))
+        elif kind == "pause":
+            story.pause(choose(self._waits_ms))
+        elif kind == "signal":
+            story.signal(choose(self._signals), *(choose(self._numbers) for _ in range(choose((0, 1, 2)))))
+        elif kind == "read":
+            story.read(*choose(self.readings))
+        elif kind == "set":
+            story.set(*choose(self._assigned))
+        else:
+            story.save_again()
+
+    def _wait_ms(self, story: MachineStory, choose: Choose) -> float:
+        """Return the time until a time-out of one of the machines, or until shortly before or after it."""
+        since_ns = choose(list(story.interpreter.since_ns.values()) or [0])
+        after_ms: float = choose(self._waits_ms)
+        left_ms = after_ms + choose((0.0, -STEP_MS, STEP_MS)) - (story.now_ns - since_ns) / NS_PER_MS
+        return left_ms if left_ms > 0 else after_ms
+
+
+def random_stories(choices: StoryChoices) -> type[RuleBasedStateMachine]:
+    """Return hypothesis' state machine of a program; its attribute `TestCase` is a test of a suite.
 
     Raises:
         MissingExtraError: hypothesis is not installed.
@@ -196,72 +255,16 @@ def random_stories(
     except ImportError:
         raise MissingExtraError("hypothesis", "testing") from None
 
-    numbers = sorted({float(one) if "." in one else int(one) for one in _NUMBER.findall(program.text)} | {0})
-    reads = [(name, value) for name, values in (readings or {}).items() for value in values]
-    reads += [
-        (name, value)
-        for name in _bridge_of(program).reads
-        for value in _values(None if bridge is None else bridge.reads.get(name), numbers)
-    ]
-    signals = program.signals()
-    assigned = [(path, value) for path, values in (sets or {}).items() for value in values]
-    waits_ms = sorted({ms for ms in (*_time_outs_ms(program, numbers), STEP_MS) if ms > 0})
-
     class Stories(RuleBasedStateMachine):
-        """Random stories of one program; `calls` are those of the last one."""
-
-        calls: ClassVar[list[Call]] = []
+        """Random stories of one program."""
 
         def __init__(self) -> None:
             super().__init__()
-            Stories.calls = []
-            self.story = Stories.begin()
-            Stories.calls = self.story.calls
+            self.story = choices.begin()
 
-        @staticmethod
-        def begin() -> MachineStory:
-            """Return a new story."""
-            return MachineStory(program, is_strict=is_strict)
-
-        @rule(
-            which=st.integers(0, 3),
-            after_ms=st.sampled_from(waits_ms),
-            shift_ms=st.sampled_from((0.0, -STEP_MS, STEP_MS)),
-        )
-        def wait(self, which: int, after_ms: float, shift_ms: float) -> None:
-            """Wait until a time-out of one of the machines, or shortly before or after it."""
-            since_ns = list(self.story.interpreter.since_ns.values()) or [0]
-            elapsed_ms = (self.story._readings.now_ns - since_ns[which % len(since_ns)]) / NS_PER_MS
-            left_ms = after_ms + shift_ms - elapsed_ms
-            self.story.wait(left_ms if left_ms > 0 else after_ms)
-
-        @rule(ms=st.sampled_from(waits_ms))
-        def pause(self, ms: float) -> None:
-            self.story.pause(ms)
-
-        if signals:
-
-            @rule(name=st.sampled_from(signals), values=st.lists(st.sampled_from(numbers), max_size=2))
-            def signal(self, name: str, values: list[Any]) -> None:
-                self.story.signal(name, *values)
-
-        if reads:
-
-            @rule(reading=st.sampled_from(reads))
-            def read(self, reading: tuple[DataKey, Any]) -> None:
-                self.story.read(*reading)
-
-        if assigned:
-
-            @rule(assignment=st.sampled_from(assigned))
-            def set(self, assignment: tuple[str, Any]) -> None:
-                self.story.set(*assignment)
-
-        if _is_text(program):
-
-            @rule()
-            def save_again(self) -> None:
-                self.story.save_again()
+        @rule(data=st.data())
+        def step(self, data: st.DataObject) -> None:
+            choices.step(self.story, lambda options: data.draw(st.sampled_from(options)))
 
     return Stories
 
@@ -288,31 +291,27 @@ def _time_outs_ms(program: Program, numbers: list[float]) -> list[float]:
     return known if len(known) == len([one for one in times if one is not None]) else [*known, *numbers]
 
 
-def failing_story(stories: type[RuleBasedStateMachine], cases: int) -> tuple[list[Call], Exception] | None:
+def failing_story(choices: StoryChoices, cases: int) -> tuple[list[Call], Exception] | None:
     """Return the calls of a random story that fails, and its exception; None if none does. No call can be left out.
 
     Args:
-        stories: what `random_stories` returns.
-        cases: how many are tried: the same ones each time.
+        choices: of the program.
+        cases: how many stories are tried: the same ones each time.
     """
-    from hypothesis import HealthCheck, Phase, Verbosity, settings
-    from hypothesis.stateful import run_state_machine_as_test
-
-    options = settings(
-        max_examples=cases, stateful_step_count=MAX_STEPS, derandomize=True, database=None, deadline=None,
-        suppress_health_check=list(HealthCheck), report_multiple_bugs=False, print_blob=False,
-        verbosity=Verbosity.quiet, phases=[Phase.generate],
-    )  # fmt: skip
-    try:
-        run_state_machine_as_test(stories, settings=options)
-    except Exception as error:
-        begin, calls = stories.begin, stories.calls  # type: ignore[attr-defined]
-        return _shortened(begin, list(calls), error)
+    rng = rng_for(0, "stories")
+    for _ in range(cases):
+        story = None
+        try:
+            story = choices.begin()
+            for _ in range(int(rng.integers(1, MAX_STEPS, endpoint=True))):
+                choices.step(story, lambda options: options[int(rng.integers(len(options)))])
+        except Exception as error:
+            return _shortened(choices.begin, [] if story is None else story.calls, error)
     return None
 
 
 def _shortened(begin: Callable[[], MachineStory], calls: list[Call], error: Exception) -> tuple[list[Call], Exception]:
-    """Simplify a story as long as it fails; hypothesis takes ten times longer."""
+    """Simplify a story as long as it fails."""
     i = len(calls)
     while i > 0:
         i -= 1

@@ -18,7 +18,7 @@ from snr_sim.cli.machine_why import why
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import run_recorded
-from snr_sim.testing.machines import failing_story, random_stories
+from snr_sim.testing.machines import StoryChoices, failing_story
 
 PLANTED = Path(__file__).with_name("planted")
 SOUND = ("sound_landing", "sound_interlock")
@@ -50,7 +50,7 @@ def tools(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> dict[str, Tool]
         return {row["transition"] for row in json.loads(capsys.readouterr().out)["rows"] if not row["taken"]}
 
     def tried(file: Path) -> set[str]:
-        found = failing_story(random_stories(parse(file.read_text()), is_strict=True), 100)
+        found = failing_story(StoryChoices(parse(file.read_text()), is_strict=True), 100)
         return set() if found is None else {str(found[1])}
 
     return {"check": check, "explore": explored, "coverage": coverage, "why": explained, "try": tried}

@@ -258,9 +258,9 @@ def test_full_disk_during_compare_reports_error(here: Path) -> None:
     assert not list(run.glob("*.rrd"))
 
 
-SWALLOW = """open("stuck", "w").close()
-while True:
+SWALLOW = """while True:
     try:
+        open("stuck", "w").close()
         time.sleep(0.01)
     except BaseException:
         pass

@@ -11,11 +11,13 @@ from typing import Any
 
 import pytest
 import typer
+from hypothesis import Phase, settings
+from hypothesis.stateful import run_state_machine_as_test
 
 from snr_sim.behaviors import Bridge, Interpreter, Read, after, machine, on, parse, state
 from snr_sim.cli.machine import machine as machine_verb
 from snr_sim.prelude.errors import MissingExtraError, ParameterError
-from snr_sim.testing.machines import MachineStory, failing_story, random_stories
+from snr_sim.testing.machines import MachineStory, StoryChoices, failing_story, random_stories
 
 # Fails after two signals with a time-out between them.
 LAMP = """(var lit := [0])
@@ -132,7 +134,7 @@ def test_machine_in_python_takes_readings_that_are_given(tmp_path: Path, capsys:
         assert m.data("depth") != 5, "too deep"
 
     made = machine("dive", "up", [state("up", on("go", to="down")), state("down", after(1.0, to="up"), during=sink)])
-    found = failing_story(random_stories(made, readings={"depth": [1, 5]}), 100)
+    found = failing_story(StoryChoices(made, readings={"depth": [1, 5]}), 100)
     assert found is not None
     assert [call for call in found[0] if call[0] != "wait"] in (
         [("read", ("depth", 5)), ("signal", ("go",))],
@@ -146,8 +148,8 @@ def test_machine_in_python_takes_readings_that_are_given(tmp_path: Path, capsys:
 
 def test_variables_are_set_only_if_their_values_are_given() -> None:
     program = parse(SOUND.replace("(spawn lamp dark)", "(always small [lit < 5])(spawn lamp dark)"))
-    assert failing_story(random_stories(program), 5) is None
-    found = failing_story(random_stories(program, sets={"lit": [4, 7]}), 20)
+    assert failing_story(StoryChoices(program), 5) is None
+    found = failing_story(StoryChoices(program, sets={"lit": [4, 7]}), 20)
     assert found is not None
     assert len(found[0]) == 2  # and a step, after which the rule is looked at
     assert found[0][0] == ("set", ("lit", 7))
@@ -155,21 +157,35 @@ def test_variables_are_set_only_if_their_values_are_given() -> None:
 
 def test_readings_are_drawn_from_the_limits_of_the_bridge() -> None:
     program = parse(SOUND.replace("> 40", "> 90"))
-    assert failing_story(random_stories(program, bridge=Bridge({"light": Read("x", low=0, high=50)})), 1) is None
-    drawn = random_stories(program, bridge=Bridge({"light": Read("x", low=0, high=50)}))
+    assert failing_story(StoryChoices(program, bridge=Bridge({"light": Read("x", low=0, high=50)})), 1) is None
+    drawn = StoryChoices(program, bridge=Bridge({"light": Read("x", low=0, high=50)}))
     assert max_reading(drawn) == 50
-    assert max_reading(random_stories(program)) == 1000
+    assert max_reading(StoryChoices(program)) == 1000
 
 
-def max_reading(stories: Any) -> float:
-    (reading,) = stories.read.hypothesis_stateful_rule.arguments.values()
-    return max(value for _, value in reading.elements if value is not None)
+def max_reading(choices: StoryChoices) -> float:
+    return max(float(value) for _, value in choices.readings if value is not None)
+
+
+@pytest.mark.slow
+def test_suite_of_hypothesis_finds_a_story_that_fails() -> None:
+    with pytest.raises(AssertionError, match="it must always hold, and does not"):
+        run_state_machine_as_test(
+            random_stories(StoryChoices(parse(LAMP.replace("> 700", ">= 0")))),
+            settings=settings(derandomize=True, database=None, phases=[Phase.generate]),
+        )
+
+
+def test_program_that_fails_at_once_is_a_story_without_calls() -> None:
+    found = failing_story(StoryChoices(parse(SOUND.replace("(spawn", "(always never [lit > 5])(spawn"))), 1)
+    assert found is not None
+    assert (found[0], str(found[1])) == ([], "Line 13, never: it must always hold, and does not.")
 
 
 def test_missing_hypothesis_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "hypothesis", None)
     with pytest.raises(MissingExtraError, match="hypothesis"):
-        random_stories(parse(SOUND))
+        random_stories(StoryChoices(parse(SOUND)))
 
 
 def test_number_of_stories_has_limits(tmp_path: Path) -> None:
