@@ -107,7 +107,7 @@ def serve_web(source: str | Path | bytes, keeps_viewer: bool = True) -> Iterator
         try:
             yield f"{page}/?url={quote(str(data), safe='')}&hide_welcome_screen=1"
         finally:
-            if thread.is_alive():  # it is not in a process forked from this one, where `shutdown` would wait for ever
+            if thread.is_alive():  # it is not in a process forked from this one, where `shutdown` would never return
                 server.shutdown()
                 thread.join()
             server.server_close()
