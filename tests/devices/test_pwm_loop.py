@@ -220,33 +220,34 @@ def test_h6_pwm_loop_invalid_page_on_wall_clock_is_neutral_and_logged() -> None:
     outputs = Outputs()
     bad = {"pulses_us": [math.nan, 1500.0]}
     before_s: list[float] = []
-    since_s: list[float] = []
+    bad_s: list[float] = []
+    after_s: list[float] = []
 
     def command_at(t: float) -> Any:
-        """Arm until it goes ahead; then ten invalid pages, and then ahead for some more ticks.
+        """Arm until it goes ahead; then invalid pages until it is neutral, and then ahead for some more ticks.
 
         Repeated, because a loop whose thread starts a little later does not receive a page of one tick alone.
         """
-        if AHEAD in [pulses for _, pulses, *_ in outputs.writes]:
-            since_s.append(t)
-        else:
+        if AHEAD not in [pulses for _, pulses, *_ in outputs.writes]:
             before_s.append(t)
-        if 1 <= len(since_s) <= 10:
+        elif len(bad_s) < 10 or STILL not in [pulses for at_s, pulses, *_ in outputs.writes if at_s > bad_s[0]]:
+            bad_s.append(t)
             return bad
-        return {"pulses_us": AHEAD, "is_armed": bool(since_s) or len(before_s) % 20 > 9}
+        else:
+            after_s.append(t)
+        return {"pulses_us": AHEAD, "is_armed": bool(bad_s) or len(before_s) % 20 > 9}
 
     def end(loop: Any) -> None:
-        if len(since_s) > 20:
+        if len(after_s) > 10:
             loop.schedule(tasks.terminate("seen"))
 
     node = run(outputs, pilot(command_at), FunctionLoopFactory(end, "ender"), end_s=60.0, clock=WallClock)
-    assert node.exit_reason == "seen"
+    assert node.exit_reason == "seen", "it is neutral after some invalid pages"
     (note,) = [note for note in node.notes if "is not a valid command" in note]
     assert "test_pwm_loop.py" in note
     assert "must be finite, not nan" in note
     # A write that was in progress when the first was stored may still complete; then neutral until the next command.
-    meanwhile = [pulses for t, pulses, *_ in outputs.writes if since_s[0] < t < since_s[10]]
-    assert STILL in meanwhile
+    meanwhile = [pulses for t, pulses, *_ in outputs.writes if bad_s[0] < t < after_s[0]]
     assert [pulses for pulses in meanwhile[meanwhile.index(STILL) :] if pulses != STILL] == []
 
 
