@@ -6,17 +6,23 @@ python tests/tour.py --write     writes the page; tests/test_tour.py fails if th
 from __future__ import annotations
 
 import inspect
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import chdir, redirect_stderr, redirect_stdout, suppress
 from functools import cache
+from io import StringIO
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
 
 import snr_sim
 from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, TaskType, tasks
+from snr_sim.cli.check import check
 from snr_sim.core.node_life import NodeLife
+from snr_sim.grading.grade import _Grading
+from snr_sim.grading.lab.lab import find_lab
 from snr_sim.links.simulated import SimulatedPeer
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Request, prepare
@@ -24,24 +30,25 @@ from snr_sim.scenario.simulation_run import SimulationRun
 
 ROOT = Path(snr_sim.__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "tour.md"
-ROOMS = (f"{ROOT / 'snr_sim'}/", f"{ROOT / 'robots'}/")
+ROOMS = tuple(f"{ROOT / name}/" for name in ("snr_sim", "robots", "assignments"))
+LAB, REFERENCE = ROOT / "assignments/01_hello_thruster", ROOT / "tests/assignments/hello_thruster/reference"
 HEAD = """# A tour of the library
 
-Three walks through the code, each along one piece of data. Read the functions in this order: each row is a function
+Four walks through the code. Three follow one piece of data; read the functions in this order: each row is a function
 that the data pass, listed where it is entered for the first time, with the first line of its docstring. The tables are
 made by running the code (`python tests/tour.py --write`); `tests/test_tour.py` fails when they are out of date.
 """
 
 
-Starts = Mapping[CodeType, Callable[[dict[str, Any]], bool]]
+Starts = Mapping[CodeType, Callable[[dict[str, Any]], bool | None]]
 
 
 class Walk:
     """The functions that are entered while the walk is on.
 
     Args:
-        starts: functions in which a part of the walk begins, each with a condition on its arguments; the rest of the
-            program is left out. By default nothing is left out.
+        starts: functions in which a part of the walk begins or is left out, each with a function of its arguments:
+            True, False, or None for as before. All else is left out. By default nothing is.
 
     Attributes:
         steps: file, function and first line of its docstring, by the function's code, in order.
@@ -64,7 +71,8 @@ class Walk:
     def _on_call(self, frame: FrameType, event: str, value: Any) -> None:
         code = frame.f_code
         if code in self._starts and event == "call":
-            self._is_inside.append(self._is_inside[-1] or self._starts[code](frame.f_locals))
+            answer = self._starts[code](frame.f_locals)
+            self._is_inside.append(self._is_inside[-1] if answer is None else answer)
         is_inside = self._is_inside[-1]
         if code in self._starts and event == "return":
             self._is_inside.pop()
@@ -72,20 +80,20 @@ class Walk:
             return
         if not self.is_on():
             return
-        if code.co_name[0] == "<":  # comprehensions and lambdas are read with what they are in
-            return
+        if code.co_name[0] == "<" or not code.co_flags & inspect.CO_NEWLOCALS:
+            return  # comprehensions and lambdas are read with what they are in, and so are classes
         consts = code.co_consts
         doc = consts[0] if consts and isinstance(consts[0], str) else ""
         file = str(Path(code.co_filename).relative_to(ROOT))
         self.steps[code] = file, code.co_qualname, inspect.cleandoc(doc).partition("\n")[0]
 
-    def table(self) -> str:
-        """Return the steps as Markdown."""
-        rows = [f"| `{file}` | `{name}` | {doc.replace('|', ' ')} |" for file, name, doc in self.steps.values()]
-        files = len({file for file, _, _ in self.steps.values()})
-        return "\n".join(
-            [f"{len(rows)} functions in {files} files.", "", "| File | Function | |", "|---|---|---|", *rows]
-        )
+    def table(self, are_files: bool = False) -> str:
+        """Return the steps as Markdown: all, or the first in each file."""
+        first = {step[0]: step for step in reversed(self.steps.values())}
+        shown = [step for step in self.steps.values() if not are_files or first[step[0]] is step]
+        rows = [f"| `{file}` | `{name}` | {doc.replace('|', ' ')} |" for file, name, doc in shown]
+        count = f"{len(first)} files." if are_files else f"{len(rows)} functions in {len(first)} files."
+        return "\n".join([count, "", "| File | Function | |", "|---|---|---|", *rows])
 
 
 @cache
@@ -157,9 +165,9 @@ def radar_reading() -> Walk:
 def stick() -> Walk:
     """Follow the pilot's sticks of one moment to the vehicle, and the pulses of its answer into the trace."""
     starts: Starts = {
-        NodeLife.call_loop.__code__: lambda names: names["loop"].name == "pilot",
-        Node.run_ready.__code__: lambda names: any(
-            source in ("pilot", "link_tether") for _, source in names["self"].inbox.waiting
+        NodeLife.call_loop.__code__: lambda names: names["loop"].name == "pilot" or None,
+        Node.run_ready.__code__: lambda names: (
+            any(source in ("pilot", "link_tether") for _, source in names["self"].inbox.waiting) or None
         ),
         SimulatedPeer._deliver.__code__: lambda names: True,
     }
@@ -167,8 +175,32 @@ def stick() -> Walk:
     return simulated(Request("urov_sticks", controller=controller), 4.0, 4.015, starts)
 
 
-def page() -> str:
-    """Return the page."""
+@cache
+def check_of_a_lab() -> Walk:
+    """Follow `snr check` of a solution of lab 1 in the grader's own process, but for the dive, which is a run."""
+    starts: Starts = {
+        check.__code__: lambda names: True,
+        _Grading._case.__code__: lambda names: names["check"].name != "dives",
+    }
+    walk = Walk(starts)
+    walk.is_on = lambda: True
+    find_lab("hello_thruster")  # imports what the lab needs: not a part of the walk
+    output, ending = StringIO(), suppress(SystemExit)  # on a terminal it would show its status, in other functions
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        chdir(folder),
+        redirect_stdout(output),
+        redirect_stderr(output),
+        ending,
+    ):
+        shutil.copytree(LAB / "starter", folder, dirs_exist_ok=True)
+        shutil.copytree(REFERENCE, folder, dirs_exist_ok=True)
+        walk.follow(lambda: check("hello_thruster", Path(folder)))
+    return walk
+
+
+def page_of_data() -> str:
+    """Return the part of the page that needs no process: the walks along data."""
     return "\n".join(
         [
             HEAD,
@@ -182,6 +214,20 @@ def page() -> str:
             "`snr run urov_sticks --controller robots/urov/controller_template.py`, from t = 4 s on, and only what the",
             "pilot's sticks and the pages that follow from them pass.\n",
             stick().table(),
+            "",
+        ]
+    )
+
+
+def page() -> str:
+    """Return the page."""
+    return "\n".join(
+        [
+            page_of_data(),
+            "## A lab: from `snr check` to the points\n",
+            "`snr check hello_thruster` of a solution with all points: what the grader's own process does, but for the",
+            "dive of the last check, which is a run as above. Of each file the function that is entered first.\n",
+            check_of_a_lab().table(are_files=True),
             "",
         ]
     )

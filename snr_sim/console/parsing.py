@@ -1,8 +1,9 @@
 """Commands of a console: a table, and the parser of a line. Help and completion of a command derive from its row.
 
-Values are JSON of bounded depth; nothing is evaluated as code. The parser is ours. typer carries a private copy of
-click, so click is not a dependency; and it rejects the event of `task start`, where the type is omitted, as an invalid
-type. rich needs 2.7 ms for a table of 20 rows, ours 0.04 ms, on the computer that steers the robot.
+Values are JSON of bounded depth; nothing is evaluated as code. The parser is ours. click, which typer no longer needs,
+rejects the event of `task start`, where the type is omitted, as an invalid type. With that added it takes 92 lines
+where ours takes 117, 54 us a line where ours takes 6, and completes no event there. rich needs 2.7 ms for a table of 20
+rows, ours 0.04 ms, on the computer that steers the robot.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from types import FrameType
@@ -205,17 +205,15 @@ class SlowStart:
     """Watch of a start, active in a `with` block on the thread and in the function that make it.
 
     Args:
-        now_s, frames, report: the clock, each thread's newest frame and the output, as tests need.
+        now_s, report: the clock and the output, as tests need.
     """
 
     def __init__(
         self,
         now_s: Callable[[], float] = time.monotonic,
-        frames: Callable[[], Mapping[int, FrameType]] = sys._current_frames,
         report: Callable[[str], object] = write_stderr,
     ) -> None:
         self._now_s = now_s
-        self._frames = frames
         self._report = report
         self._base: FrameType | None = sys._getframe(1)  # of the caller, which is left out
         self._thread_id = threading.get_ident()
@@ -237,7 +235,7 @@ class SlowStart:
 
     def check(self) -> None:
         """Report the student's line if its code has been running for too long."""
-        call = current_call(self._frames().get(self._thread_id), self._base)
+        call = current_call(sys._current_frames().get(self._thread_id), self._base)
         if call.frame is None or call.is_debugged:
             self._since_s, self._report_after_s = None, START_REPORT_AFTER_S
             return

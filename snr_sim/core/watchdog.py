@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Self
@@ -157,7 +157,7 @@ class Watchdog:
 
     Args:
         nodes: of the run.
-        now_s, frames, report, pause: the clock, each thread's newest frame, the output and the sleep, as tests need.
+        now_s, report, pause: the clock, the output and the sleep, as tests need.
 
     Attributes:
         failure: why the watchdog ended the run, if it did.
@@ -168,14 +168,12 @@ class Watchdog:
         nodes: Sequence[NodeParts],
         *,
         now_s: Callable[[], float] = time.monotonic,
-        frames: Callable[[], Mapping[int, FrameType]] = sys._current_frames,
         report: Callable[[str], object] = write_stderr,
         pause: Callable[[float], object] = time.sleep,
     ) -> None:
         self.failure: ComponentFailedError | None = None
         self._nodes = list(nodes)
         self._now_s = now_s
-        self._frames = frames
         self._report = report
         self._pause = pause
         self._limit_s = min((node.config.stall_limit_s for node in nodes), default=float("inf"))
@@ -224,7 +222,7 @@ class Watchdog:
             interrupt_main_thread()
 
     def _call(self, with_task: bool) -> CurrentCall:
-        return current_call(self._frames().get(self._thread_id), self._base, with_task)
+        return current_call(sys._current_frames().get(self._thread_id), self._base, with_task)
 
     def _run(self) -> None:
         while not self._is_over.wait(CHECK_PERIOD_S):

@@ -73,10 +73,10 @@ def measure(is_quick: bool) -> Iterator[Row]:
         "snr --help",
         1e3 * median(helped for _, _, helped in turns),
         "ms",
-        limit=250.0,
+        limit=150.0,
         baseline=1e3 * median(bare for bare, _, _ in turns),
         compared_to="python -c pass",
         note="wall time, median",
     )
     if "--install" in sys.argv:
-        yield Row("base install", base_install_mb(), "MB", limit=60.0, note="without bytecode, pip and setuptools")
+        yield Row("base install", base_install_mb(), "MB", limit=25.0, note="without bytecode, pip and setuptools")
