@@ -62,7 +62,7 @@ MISTAKES = {
     ),
     "mean_of_all": Mistake(
         "Takes the mean of all pixels of stones instead of the nearest.",
-        lost={"finds": 5.0, "clears_by_stereo": 10.0, "slow_and_explained": 15.0},
+        lost={"finds": 5.0, "slow_and_explained": 15.0},
         hint="The nearest stones count",
         changes=[
             replace("process_2d.py", "column, width = near[len(near) // 2], ", "column, width = columns.mean(), "),
