@@ -6,7 +6,6 @@ ThreadState --> page "<path>.call" --> ThreadCalls: function(...) --> event "<pa
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Callable, Generator, Mapping
 from typing import Any
 
@@ -14,7 +13,7 @@ from snr_sim.behaviors.flow.state import Execution, State
 from snr_sim.behaviors.flow.userdata import Userdata, check_known, data_copy, inputs_of
 from snr_sim.behaviors.flow.waits import event
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loop import NEVER_S, Loop, LoopFactory
 from snr_sim.core.source_location import after_line, location_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, TaskError
@@ -116,7 +115,7 @@ class ThreadCalls(Loop):
             TaskError: it returned something else than text, perhaps with a dict.
             UnknownNameError: that is not an outcome of the state.
         """
-        self.idle_until_s = math.inf
+        self.next_tick_at_s = NEVER_S
         page = self.parent.get_page(f"{self.name}.call")
         if page is None or page.data[0] == self._number:
             return

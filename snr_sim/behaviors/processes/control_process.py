@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Mapping, Sequence
 from types import GeneratorType
 from typing import Any, Literal
 
 from snr_sim.behaviors.flow.waits import Wait, wait
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loop import NEVER_S, Loop, LoopFactory
 from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, ParameterError, TaskError
@@ -179,8 +178,9 @@ class ControlProcess(Loop):
         if page is not None:
             self._look_at(page.data)
         is_running = self._state is not None and not self._has_ended and not self._is_crashed
-        waits_until_s = 0.0 if self._generator is None else self._until_s
-        self.idle_until_s = waits_until_s if is_running else math.inf
+        is_waiting = self._generator is not None and self._until_s > self.get_time_s()
+        if not self.parent.is_in_lock_step:  # there it costs nothing to keep the rate, and recorded runs did
+            self.next_tick_at_s = NEVER_S if not is_running else self._until_s if is_waiting else None
 
     def _look_at(self, data: Mapping[str, Any]) -> None:
         leave = data["leaving"].get(self.name, 0)
@@ -226,7 +226,7 @@ class ControlProcess(Loop):
 
     def _run(self) -> None:
         """Call `run_state`, or continue it if its wait is over."""
-        state, now_s = self._state, self.get_time_s()
+        state = self._state
         assert state is not None
         if self._generator is None:
             made = state.run_state()
@@ -234,7 +234,7 @@ class ControlProcess(Loop):
                 state.turns += 1
                 return
             self._generator = made
-        elif now_s < self._until_s - _ROUNDING_S:
+        elif self.get_time_s() < self._until_s - _ROUNDING_S:
             return
         try:
             self._wait_for(next(self._generator))

@@ -19,7 +19,6 @@ Source: Kooi (2018), sections 7.3 to 7.6. There the service of events has one sl
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, get_args
@@ -35,6 +34,7 @@ from snr_sim.behaviors.program import Program
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
+from snr_sim.core.loop import NEVER_S
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
@@ -88,7 +88,8 @@ class ReferenceClock(StepLoop):
             super().loop()
         page = self.parent.get_page(self.factory.name)
         is_waiting = page is not None and page.data["phase"] == "ending"
-        self.idle_until_s = 0.0 if is_waiting else math.inf
+        if not self.parent.is_in_lock_step:  # see `ControlProcess.loop`
+            self.next_tick_at_s = None if is_waiting else NEVER_S
 
 
 class ReferenceFactory(EndpointFactory):
