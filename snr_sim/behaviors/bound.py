@@ -6,7 +6,6 @@ Nothing here is executed; what is made once here is not looked up in each step.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from operator import itemgetter
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Robot
@@ -25,39 +24,50 @@ from snr_sim.behaviors.program import (
     with_names,
 )
 
+Call: TypeAlias = tuple[Callable[[Any], Any], Block]  # a block that is bound to its place
 
-class BoundBlock:
-    """A block that is bound to its place. `has_effects`: there may be something to undo."""
 
-    __slots__ = ("_places", "_robot", "_slots", "_values", "block", "call", "has_effects")
+def _calls(blocks: Iterable[Block], bindings: Bindings) -> tuple[Call, ...]:
+    """Return blocks bound to their place; one that raises has done nothing, unless that ends the node."""
+    return tuple(
+        (one.bind(bindings) if one.is_atomic or not bindings.is_undone else _undone(one, bindings), one)
+        for one in blocks
+    )
 
-    def __init__(self, block: Block, bindings: Bindings) -> None:
-        self.block: Block = block
-        self.call: Callable[[Any], Any] = block.bind(bindings)
-        names = bindings.index if block.writes is None else block.writes
-        places = sorted({bindings.index[name] for name in names})
-        self._places = places * 2 if len(places) == 1 else places  # of one index a getter returns no tuple
-        self._values = itemgetter(*self._places) if places else None
-        self._slots = bindings.slots
-        self._robot: Robot | None = bindings.robot if block.is_commanding else None
-        self.has_effects: bool = bindings.is_undone and (bool(places) or self._robot is not None)
 
-    def save(self) -> Any:
-        """Return what `undo` needs."""
-        if self._robot is not None:
-            self._robot.mark()
-        return None if self._values is None else self._values(self._slots)
+def _undone(block: Block, bindings: Bindings) -> Callable[[Any], Any]:
+    """Return a block that undoes what it has assigned and commanded when it raises."""
+    call, slots, index, robot = block.bind(bindings), bindings.slots, bindings.index, bindings.robot
+    places = sorted({index[name] for name in (index if block.writes is None else block.writes)})
 
-    def undo(self, values: Any) -> None:
-        """Undo what the block has assigned and commanded since."""
-        if self._robot is not None:
-            self._robot.undo()
-        for place, value in zip(self._places, values or (), strict=True):
-            self._slots[place] = value
+    def all_or_nothing(context: Any) -> Any:
+        before = [slots[place] for place in places]
+        if robot is not None:
+            robot.mark()
+        try:
+            return call(context)
+        except Exception:
+            if robot is not None:
+                robot.undo()
+            for place, value in zip(places, before, strict=True):
+                slots[place] = value
+            raise
+
+    return all_or_nothing
 
 
 class BoundState:
-    """A state as it runs: its blocks, and its transitions as (least time, condition, transition)."""
+    """A state as it runs: its blocks, and its transitions as (least time, condition, transition).
+
+    Args:
+        definition: of it.
+        machine: whose it is.
+        inner: the machines inside it.
+        evaluations: keeps what each condition finds.
+
+    Attributes:
+        enter: blocks and no machine, or no block and a machine that is spawned, in order.
+    """
 
     __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain")
 
@@ -66,13 +76,12 @@ class BoundState:
     ) -> None:
         bindings, spawned = machine.bindings, iter(inner)
         self.name: str = definition.name
-        # A block, and None; or None, and what is spawned.
-        self.enter: list[tuple[BoundBlock | None, Spawned | None]] = [
-            (BoundBlock(one, bindings), None) if isinstance(one, Block) else (None, next(spawned))
+        self.enter: list[tuple[tuple[Call, ...], Spawned | None]] = [
+            (_calls([one], bindings), None) if isinstance(one, Block) else ((), next(spawned))
             for one in definition.enter
         ]
-        self.during: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.during]
-        self.leave: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.leave]
+        self.during: tuple[Call, ...] = _calls(definition.during, bindings)
+        self.leave: tuple[Call, ...] = _calls(definition.leave, bindings)
         own = list(machine.definition.transitions_of(definition.name))
         rows = [(one.signal, _row(machine, one, evaluations)) for one in own]
         self.plain: tuple[Row, ...] = tuple(row for signal, row in rows if signal is None)
@@ -98,7 +107,7 @@ class BoundTransition:
         self.kind: Kind = definition.kind
         self.name: str = definition.name
         self.line: int = definition.place.line
-        self.effect: BoundBlock | None = None if definition.effect is None else BoundBlock(definition.effect, bindings)
+        self.effect: tuple[Call, ...] = _calls([] if definition.effect is None else [definition.effect], bindings)
         self.is_exit: bool = definition.kind == "exit"
         self.target: str = definition.target
 
