@@ -161,7 +161,7 @@ def _compile(
     written = dedented(" " * (column - 1) + text).strip()
     keys = dict(variables)
     writes = frozenset(keys[name] for name in stored_names(tree) if name in keys)
-    is_atomic = _is_atomic(tree)  # before it is rewritten
+    is_atomic = _is_atomic(tree) and not definitions  # before it is rewritten; a helper may command
     make = _make(tree, variables, definitions, actions)
     drives = frozenset(part for part, verb in checker.called if part and verb in DRIVE_FUNCTIONS)
     block = Block(written, Place(), make, drives, writes, make.keys, is_atomic, make.reads, make.polls)

@@ -154,10 +154,13 @@ def test_arrow_and_star_need_no_space() -> None:
         "if True: n = 5; 1 / 0",
         "if robot.light.start(50) is None: 1 / 0",
         "n = 5 if robot.light.start(50) else 1 / 0",
+        "n = go() or 1 / 0",
     ],
 )
 def test_block_that_fails_is_undone_with_its_commands_and_noted(block: str) -> None:
-    interpreter, _ = started(f"(var n := [0])(var k := [0])(machine m (state a (onentry [{block}])))(spawn m a)")
+    helper = "(def go [robot.light.start(50)])"
+    text = f"(var n := [0])(var k := [0]){helper}(machine m (state a (onentry [{block}])))(spawn m a)"
+    interpreter, _ = started(text)
     assert interpreter.variables == {"n": 0, "k": 0}
     assert levels(interpreter) == []
     (problem,) = interpreter.problems.values()
