@@ -12,7 +12,8 @@ from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 if TYPE_CHECKING:
     import numpy as np
 
-NS_PER_S = 1_000_000_000
+NS_PER_MS, NS_PER_S = 1_000_000, 1_000_000_000
+MAX_CHAIN = 16  # transitions of one machine in one step
 MAX_SIZE = 1000  # elements of a value at all depths; four characters of a text count as one
 MAX_DEPTH = 20  # of tuples in tuples
 _MIN_INT, _MAX_INT = -(2**63), 2**63 - 1

@@ -27,7 +27,7 @@ import msgspec
 from snr_sim.behaviors.bound import BoundMachine, BoundProgram, BoundState, BoundTransition, Call
 from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
-from snr_sim.behaviors.context import MAX_WORK, FixedPages, MachineContext, Owner, plain_value
+from snr_sim.behaviors.context import MAX_CHAIN, MAX_WORK, FixedPages, MachineContext, Owner, plain_value
 from snr_sim.behaviors.context import NS_PER_S as NS_PER_S
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
 from snr_sim.behaviors.explain import Evaluations, evaluations_for
@@ -42,7 +42,6 @@ from snr_sim.prelude.task import DataKey
 if TYPE_CHECKING:
     import numpy as np
 
-MAX_CHAIN = 16  # transitions of one machine in one step
 # Without a clock, a condition that holds already when its state is entered is looked at so long after that, as with a
 # clock of 100 Hz: at once, two states that lead to each other would stop the time.
 SETTLE_NS = 10_000_000
@@ -91,7 +90,6 @@ class Interpreter:
         program: its machines.
         pages: what can be read: a component, or data by key.
         bridge: the parts of the robot that blocks of text name.
-        now_ns: time at which it begins.
         rng: for blocks that need random numbers.
         evaluations: keeps what each condition finds; see `explain.py`.
 
@@ -114,7 +112,6 @@ class Interpreter:
         pages: Owner | Mapping[DataKey, Any] | None = None,
         *,
         bridge: Bridge | None = None,
-        now_ns: int = 0,
         rng: np.random.Generator | None = None,
         evaluations: Evaluations | None = None,
     ) -> None:
@@ -141,7 +138,6 @@ class Interpreter:
         self._evaluations = evaluations_for(program) if evaluations is None else evaluations
         self._bound = BoundProgram(program, self.robot, self._evaluations)
         self._running: list[BoundMachine] = []
-        self.context.now_ns = now_ns
 
     # -- driving it ---------------------------------------------------------------------------------------------------
 

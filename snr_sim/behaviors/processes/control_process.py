@@ -14,7 +14,7 @@ from snr_sim.prelude.errors import ConfigError, ParameterError, TaskError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import DataKey, Page, Task
 
-_ROUNDING_S = 1e-9
+ROUNDING_S = 1e-9
 _ANSWER_S = 1.0  # how much longer than a movement its server may take to answer
 
 
@@ -234,7 +234,7 @@ class ControlProcess(Loop):
                 state.turns += 1
                 return
             self._generator = made
-        elif self.get_time_s() < self._until_s - _ROUNDING_S:
+        elif self.get_time_s() < self._until_s - ROUNDING_S:
             return
         try:
             self._wait_for(next(self._generator))
@@ -250,7 +250,7 @@ class ControlProcess(Loop):
 
     def _may_end(self) -> bool:
         """Return whether it is not in a wait that cannot be given up."""
-        is_over = self._generator is None or self.get_time_s() >= self._until_s - _ROUNDING_S
+        is_over = self._generator is None or self.get_time_s() >= self._until_s - ROUNDING_S
         return is_over or not self._is_uninterrupted
 
     def _end(self) -> None:
