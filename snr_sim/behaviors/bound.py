@@ -14,7 +14,6 @@ from snr_sim.behaviors.explain import Evaluations, watched
 from snr_sim.behaviors.program import (
     Bindings,
     Block,
-    Kind,
     MachineDef,
     Program,
     Rule,
@@ -94,24 +93,8 @@ class BoundState:
         self.chains: bool = any(one.kind == "eps" for one in own)
 
 
-class BoundTransition:
-    """A transition as it runs; of an exit the target is the name of a state of the machine around."""
-
-    __slots__ = ("after_ns", "cause", "definition", "effect", "is_exit", "kind", "line", "name", "target")
-
-    def __init__(self, definition: Transition, bindings: Bindings) -> None:
-        self.definition: Transition = definition
-        after = definition.after_ns
-        self.after_ns: int | Callable[[Any], Any] | None = after.bind(bindings) if isinstance(after, Block) else after
-        self.cause: Any = definition.condition or definition.after_ns  # the block that may raise, if there is one
-        self.kind: Kind = definition.kind
-        self.name: str = definition.name
-        self.line: int = definition.place.line
-        self.effect: tuple[Call, ...] = _calls([] if definition.effect is None else [definition.effect], bindings)
-        self.is_exit: bool = definition.kind == "exit"
-        self.target: str = definition.target
-
-
+# A transition, its effect, and its least time, or what computes that.
+BoundTransition: TypeAlias = tuple[Transition, tuple[Call, ...], int | Callable[[Any], Any] | None]
 Row = tuple[int | None, Callable[[Any], Any] | None, BoundTransition]
 Spawned: TypeAlias = "tuple[BoundMachine, str]"  # with its initial state
 
@@ -217,9 +200,11 @@ class BoundProgram:
 
 
 def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations | None) -> Row:
-    condition, bindings = transition.condition, machine.bindings
-    arrow = BoundTransition(transition, bindings)
-    holds, due = None if condition is None else condition.bind(bindings), arrow.after_ns
+    condition, effect, after_ns = transition.condition, transition.effect, transition.after_ns
+    bindings = machine.bindings
+    holds = None if condition is None else condition.bind(bindings)
+    due = after_ns.bind(bindings) if isinstance(after_ns, Block) else after_ns
+    arrow = transition, _calls(() if effect is None else (effect,), bindings), due
     if evaluations is not None:
         return None, watched(machine, transition, due, holds, bindings, evaluations), arrow
     return (due, holds, arrow) if not callable(due) else (None, _with_time(due, holds), arrow)

@@ -31,11 +31,7 @@ from snr_sim.behaviors.context import MAX_CHAIN, MAX_WORK, FixedPages, MachineCo
 from snr_sim.behaviors.context import NS_PER_S as NS_PER_S
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
 from snr_sim.behaviors.explain import Evaluations, evaluations_for
-from snr_sim.behaviors.program import (
-    Block,
-    Program,
-    ProgramError,
-)
+from snr_sim.behaviors.program import Block, Program, ProgramError
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 from snr_sim.prelude.task import DataKey
 
@@ -192,11 +188,11 @@ class Interpreter:
             parts |= condition.reads
         for machine in self._walk():
             context.machine, rows = machine, () if machine.state is None else machine.state.plain
-            for arrow in (arrow for _, _, arrow in rows):
-                blocks = (arrow.definition.condition, arrow.definition.after_ns)
+            for definition, _, due in (arrow for _, _, arrow in rows):
+                blocks = (definition.condition, definition.after_ns)
                 parts.update(*(one.reads for one in blocks if isinstance(one, Block)))
                 try:
-                    after_ns = arrow.after_ns(context) if callable(arrow.after_ns) else arrow.after_ns or 0
+                    after_ns = due(context) if callable(due) else due or 0
                 except Exception:
                     continue
                 due_ns = machine.since_ns + after_ns
@@ -275,7 +271,7 @@ class Interpreter:
                 if condition(context):
                     return self._take(machine, arrow)
             except Exception as error:
-                self._report(machine, arrow.cause, error)
+                self._report(machine, arrow[0].condition or arrow[0].after_ns, error)
         if state.during:
             self._run(machine, state.during)
         for inner in machine.running:
@@ -289,7 +285,8 @@ class Interpreter:
         now_ns = self.context.now_ns
         mover, outermost = machine, None
         for _ in _CHAIN:
-            if arrow.is_exit:
+            one, effect, _ = arrow
+            if one.kind == "exit":
                 assert mover.parent is not None  # see `exits_at_top`
                 mover = outermost = mover.parent
             source, held_ns = mover.state, now_ns - mover.since_ns
@@ -299,19 +296,19 @@ class Interpreter:
             if source.leave:
                 self._run(mover, source.leave)
             self.left.append((mover.path, source.name, held_ns))
-            if arrow.effect:
-                self._run(mover, arrow.effect)
-            mover.state = target = mover.states[arrow.target]
+            if effect:
+                self._run(mover, effect)
+            mover.state = target = mover.states[one.target]
             mover.since_ns = now_ns
             self._changes.append(
-                Change(now_ns, mover.path, arrow.kind, arrow.name, source.name, arrow.target, held_ns, arrow.line)
+                Change(now_ns, mover.path, one.kind, one.name, source.name, one.target, held_ns, one.place.line)
             )
             self._enter(mover, target)
             following = self._enabled(mover, target) if target.chains else None
             if following is None:
                 return outermost
             arrow = following
-        self._add_problem(mover, arrow.line, arrow.name, f"more than {MAX_CHAIN} transitions in one step")
+        self._add_problem(mover, one.place.line, one.name, f"more than {MAX_CHAIN} transitions in one step")
         return outermost
 
     def _enabled(self, machine: BoundMachine, state: BoundState) -> BoundTransition | None:
@@ -325,7 +322,7 @@ class Interpreter:
                 if condition is None or condition(context):
                     return arrow
             except Exception as error:
-                self._report(machine, arrow.cause, error)
+                self._report(machine, arrow[0].condition or arrow[0].after_ns, error)
         return None
 
     def _enter(self, machine: BoundMachine, state: BoundState) -> None:
@@ -382,7 +379,7 @@ class Interpreter:
                 if output is not None:
                     self.outputs.append((call, output))
 
-    def _report(self, machine: BoundMachine, block: Block, error: Exception) -> None:
+    def _report(self, machine: BoundMachine, block: Any, error: Exception) -> None:
         if self._fails:
             raise error
         self._add_problem(machine, block.place.line, block.line, f"{type(error).__name__}: {error}")

@@ -254,7 +254,7 @@ def test_outcome_of_a_flow_is_the_last_state_of_a_reference_machine() -> None:
         (FLOW, "is a Flow"),
     ],
 )
-def test_flow_whose_states_do_work_is_no_reference_machine(behavior: Any, message: str) -> None:
+def test_flow_whose_states_do_work_is_refused_as_reference(behavior: Any, message: str) -> None:
     flow = Flow("busy", ("EventA", "over"))
     flow.add("FIRST", behavior)
     with pytest.raises(ConfigError, match=f"State 'FIRST' of flow 'busy' {message}; a reference machine only has"):

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Generator, Mapping
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 from snr_sim.behaviors.flow.state import Execution, State
@@ -21,6 +22,7 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import DataKey
 
 
+@dataclass(eq=False)
 class ThreadState(State):
     """A state that calls a function which may block, and ends with what it returns: an outcome, or an outcome and a
     dict of data.
@@ -36,26 +38,21 @@ class ThreadState(State):
         input_keys, output_keys: data that it is given, and may return.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        outcomes: tuple[str, ...] = ("done",),
-        *,
-        input_keys: tuple[str, ...] = (),
-        output_keys: tuple[str, ...] = (),
-    ) -> None:
-        if not callable(function):
-            raise ConfigError(f"ThreadState is given {function!r:.80}.", fix="a function, without brackets.")
-        self.function: Callable[..., Any] = function
-        self.outcomes: tuple[str, ...] = outcomes
-        self.input_keys: tuple[str, ...] = input_keys
-        self.output_keys: tuple[str, ...] = output_keys
-        self._path = ""
-        self._calls: dict[str, int] = {}  # how many there have been, by path
+    function: Callable[..., Any]
+    outcomes: tuple[str, ...] = ("done",)
+    _: KW_ONLY
+    input_keys: tuple[str, ...] = ()
+    output_keys: tuple[str, ...] = ()
+    _path: str = field(default="", init=False)
+    _calls: dict[str, int] = field(default_factory=dict, init=False)  # how many there have been, by path
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise ConfigError(f"ThreadState is given {self.function!r:.80}.", fix="a function, without brackets.")
 
     def __deepcopy__(self, memo: object) -> ThreadState:
         """Return a copy with the same function: what that works on, such as a connection, has no copy."""
-        return ThreadState(self.function, self.outcomes, input_keys=self.input_keys, output_keys=self.output_keys)
+        return replace(self)
 
     def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint) -> Execution:
         """Return one execution."""

@@ -177,10 +177,13 @@ class ControlProcess(Loop):
         page = self.parent.get_page(self.factory.of)
         if page is not None:
             self._look_at(page.data)
-        is_running = self._state is not None and not self._has_ended and not self._is_crashed
         is_waiting = self._generator is not None and self._until_s > self.get_time_s()
         if not self.parent.is_in_lock_step:  # there it costs nothing to keep the rate, and recorded runs did
-            self.next_tick_at_s = NEVER_S if not is_running else self._until_s if is_waiting else None
+            self.next_tick_at_s = NEVER_S if not self._is_running else self._until_s if is_waiting else None
+
+    @property
+    def _is_running(self) -> bool:
+        return self._state is not None and not self._has_ended and not self._is_crashed
 
     def _look_at(self, data: Mapping[str, Any]) -> None:
         leave = data["leaving"].get(self.name, 0)
@@ -197,7 +200,7 @@ class ControlProcess(Loop):
 
     def _follow(self, data: Mapping[str, Any], leave: int) -> None:
         epoch, phase, is_attached = data["epoch"], data["phase"], self.name in data["attached"]
-        is_running = self._state is not None and not self._has_ended
+        is_running = self._is_running
         if is_running and (phase != "running" or epoch != self._epoch or not is_attached):
             if not self._may_end():
                 return
@@ -284,5 +287,5 @@ class ControlProcess(Loop):
 
     def halt(self) -> None:
         """End the state."""
-        if self._state is not None and not self._has_ended and not self._is_crashed:
+        if self._is_running:
             self._end()

@@ -185,6 +185,7 @@ def _states_of_flow(flow: Flow) -> States:
         ConfigError: a state does work, or is a container; or the flow cannot run.
     """
     flow.check(flow.name)
+    found: dict[str, dict[str, str]] = {}
     for label, one in flow.children().items():
         if not isinstance(one, EventState):
             raise ConfigError(
@@ -192,10 +193,7 @@ def _states_of_flow(flow: Flow) -> States:
                 "that wait for events.",
                 fix="EventState('FOUND', 'LOST'); let the states of a control process do the work.",
             )
-    found = {
-        label: {outcome: flow.target(label, outcome) for outcome in one.outcomes}
-        for label, one in flow.children().items()
-    }
+        found[label] = {event: flow.target(label, event) for event in one.outcomes}
     return found | {target: {} for then in found.values() for target in then.values() if target not in found}
 
 
