@@ -90,12 +90,13 @@ class ThreadExecutor:
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
                 is_woken = self._waking.wait(min(spare_s, threading.TIMEOUT_MAX))  # not sleep: stop() ends it at once
-                if is_woken and not self._is_due:
+                is_due = self._is_due
+                if is_woken and not is_due:
                     soonest_s = begun_s + _MIN_WAKE_PERIODS * self._period_s
                     self._stopping.wait(max(0.0, min(deadline_s, soonest_s) - clock.now_s()))
                 if not is_periodic:
                     deadline_s = clock.now_s()  # the periods that it slept through are not missed
-                elif self._is_due:
+                elif is_woken and is_due:
                     deadline_s -= self._period_s  # as it was
                 elif is_woken:
                     deadline_s = clock.now_s() + (_MAX_WAKE_WAIT_PERIODS - 1.0) * self._period_s

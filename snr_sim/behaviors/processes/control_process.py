@@ -177,7 +177,8 @@ class ControlProcess(Loop):
         page = self.parent.get_page(self.factory.of)
         if page is not None:
             self._look_at(page.data)
-        is_waiting = self._generator is not None and self._until_s > self.get_time_s()
+        period_s = 1.0 / self.max_tick_rate_hz if self.max_tick_rate_hz else 0.0
+        is_waiting = self._generator is not None and self._until_s > self.get_time_s() + period_s
         if not self.parent.is_in_lock_step:  # there it costs nothing to keep the rate, and recorded runs did
             self.next_tick_at_s = NEVER_S if not self._is_running else self._until_s if is_waiting else None
 
