@@ -27,7 +27,7 @@ from snr_sim.behaviors.block_checks import (
     part_of,
     stored_names,
 )
-from snr_sim.behaviors.bridge import READ_FUNCTIONS
+from snr_sim.behaviors.bridge import DRIVE_FUNCTIONS, READ_FUNCTIONS
 from snr_sim.behaviors.program import Bindings, Block, Place, Problem
 
 Actions: TypeAlias = tuple[tuple[str, Callable[..., Any]], ...]
@@ -159,15 +159,28 @@ def _compile(
         large = 0, column, 0, column, "The block and the helpers that it calls are too large.", "simplify them.", True
         return None, (*checker.problems, large)
     written = dedented(" " * (column - 1) + text).strip()
-    commands = {
-        one for one in checker.called if one[1] in ("start", "stop")
-    }  # part, which is "" of robot.stop(), and verb
     keys = dict(variables)
     writes = frozenset(keys[name] for name in stored_names(tree) if name in keys)
+    is_atomic = _is_atomic(tree) and not definitions  # before it is rewritten; a helper may command
     make = _make(tree, variables, definitions, actions)
-    drives = frozenset(part for part, _ in commands if part)
-    block = Block(written, Place(), make, drives, writes, make.keys, bool(commands), make.reads, make.polls)
+    drives = frozenset(part for part, verb in checker.called if part and verb in DRIVE_FUNCTIONS)
+    block = Block(written, Place(), make, drives, writes, make.keys, is_atomic, make.reads, make.polls)
     return block, tuple(checker.problems)
+
+
+def _is_atomic(tree: Tree) -> bool:
+    """Return whether a block that raises has changed nothing: its one assignment or command comes after all else."""
+    changes = [one for one in ast.walk(tree) if isinstance(one, (ast.Assign, ast.AugAssign, ast.For)) or _commands(one)]
+    if not changes:
+        return True
+    last: Any = tree.body[-1] if isinstance(tree, ast.Module) else None
+    last = last.value if isinstance(last, ast.Expr) else last
+    targets = last.targets if isinstance(last, ast.Assign) else []
+    return changes == [last] and not isinstance(last, ast.For) and all(isinstance(one, ast.Name) for one in targets)
+
+
+def _commands(node: ast.AST) -> bool:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in DRIVE_FUNCTIONS
 
 
 _HELPER_OF: dict[type[ast.operator], str] = {

@@ -6,7 +6,6 @@ Nothing here is executed; what is made once here is not looked up in each step.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from operator import itemgetter
 from typing import Any, TypeAlias
 
 from snr_sim.behaviors.bridge import Robot
@@ -15,7 +14,6 @@ from snr_sim.behaviors.explain import Evaluations, watched
 from snr_sim.behaviors.program import (
     Bindings,
     Block,
-    Kind,
     MachineDef,
     Program,
     Rule,
@@ -25,39 +23,50 @@ from snr_sim.behaviors.program import (
     with_names,
 )
 
+Call: TypeAlias = tuple[Callable[[Any], Any], Block]  # a block that is bound to its place
 
-class BoundBlock:
-    """A block that is bound to its place. `has_effects`: there may be something to undo."""
 
-    __slots__ = ("_places", "_robot", "_slots", "_values", "block", "call", "has_effects")
+def _calls(blocks: Iterable[Block], bindings: Bindings) -> tuple[Call, ...]:
+    """Return blocks bound to their place; one that raises has done nothing, unless that ends the node."""
+    return tuple(
+        (one.bind(bindings) if one.is_atomic or not bindings.is_undone else _undone(one, bindings), one)
+        for one in blocks
+    )
 
-    def __init__(self, block: Block, bindings: Bindings) -> None:
-        self.block: Block = block
-        self.call: Callable[[Any], Any] = block.bind(bindings)
-        names = bindings.index if block.writes is None else block.writes
-        places = sorted({bindings.index[name] for name in names})
-        self._places = places * 2 if len(places) == 1 else places  # of one index a getter returns no tuple
-        self._values = itemgetter(*self._places) if places else None
-        self._slots = bindings.slots
-        self._robot: Robot | None = bindings.robot if block.is_commanding else None
-        self.has_effects: bool = bindings.is_undone and (bool(places) or self._robot is not None)
 
-    def save(self) -> Any:
-        """Return what `undo` needs."""
-        if self._robot is not None:
-            self._robot.mark()
-        return None if self._values is None else self._values(self._slots)
+def _undone(block: Block, bindings: Bindings) -> Callable[[Any], Any]:
+    """Return a block that undoes what it has assigned and commanded when it raises."""
+    call, slots, index, robot = block.bind(bindings), bindings.slots, bindings.index, bindings.robot
+    places = sorted({index[name] for name in (index if block.writes is None else block.writes)})
 
-    def undo(self, values: Any) -> None:
-        """Undo what the block has assigned and commanded since."""
-        if self._robot is not None:
-            self._robot.undo()
-        for place, value in zip(self._places, values or (), strict=True):
-            self._slots[place] = value
+    def all_or_nothing(context: Any) -> Any:
+        before = [slots[place] for place in places]
+        if robot is not None:
+            robot.mark()
+        try:
+            return call(context)
+        except Exception:
+            if robot is not None:
+                robot.undo()
+            for place, value in zip(places, before, strict=True):
+                slots[place] = value
+            raise
+
+    return all_or_nothing
 
 
 class BoundState:
-    """A state as it runs: its blocks, and its transitions as (least time, condition, transition)."""
+    """A state as it runs: its blocks, and its transitions as (least time, condition, transition).
+
+    Args:
+        definition: of it.
+        machine: whose it is.
+        inner: the machines inside it.
+        evaluations: keeps what each condition finds.
+
+    Attributes:
+        enter: blocks and no machine, or no block and a machine that is spawned, in order.
+    """
 
     __slots__ = ("by_signal", "chains", "during", "enter", "leave", "name", "plain")
 
@@ -66,13 +75,12 @@ class BoundState:
     ) -> None:
         bindings, spawned = machine.bindings, iter(inner)
         self.name: str = definition.name
-        # A block, and None; or None, and what is spawned.
-        self.enter: list[tuple[BoundBlock | None, Spawned | None]] = [
-            (BoundBlock(one, bindings), None) if isinstance(one, Block) else (None, next(spawned))
+        self.enter: list[tuple[tuple[Call, ...], Spawned | None]] = [
+            (_calls([one], bindings), None) if isinstance(one, Block) else ((), next(spawned))
             for one in definition.enter
         ]
-        self.during: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.during]
-        self.leave: list[BoundBlock] = [BoundBlock(one, bindings) for one in definition.leave]
+        self.during: tuple[Call, ...] = _calls(definition.during, bindings)
+        self.leave: tuple[Call, ...] = _calls(definition.leave, bindings)
         own = list(machine.definition.transitions_of(definition.name))
         rows = [(one.signal, _row(machine, one, evaluations)) for one in own]
         self.plain: tuple[Row, ...] = tuple(row for signal, row in rows if signal is None)
@@ -85,24 +93,8 @@ class BoundState:
         self.chains: bool = any(one.kind == "eps" for one in own)
 
 
-class BoundTransition:
-    """A transition as it runs; of an exit the target is the name of a state of the machine around."""
-
-    __slots__ = ("after_ns", "cause", "definition", "effect", "is_exit", "kind", "line", "name", "target")
-
-    def __init__(self, definition: Transition, bindings: Bindings) -> None:
-        self.definition: Transition = definition
-        after = definition.after_ns
-        self.after_ns: int | Callable[[Any], Any] | None = after.bind(bindings) if isinstance(after, Block) else after
-        self.cause: Any = definition.condition or definition.after_ns  # the block that may raise, if there is one
-        self.kind: Kind = definition.kind
-        self.name: str = definition.name
-        self.line: int = definition.place.line
-        self.effect: BoundBlock | None = None if definition.effect is None else BoundBlock(definition.effect, bindings)
-        self.is_exit: bool = definition.kind == "exit"
-        self.target: str = definition.target
-
-
+# A transition, its effect, and its least time, or what computes that.
+BoundTransition: TypeAlias = tuple[Transition, tuple[Call, ...], int | Callable[[Any], Any] | None]
 Row = tuple[int | None, Callable[[Any], Any] | None, BoundTransition]
 Spawned: TypeAlias = "tuple[BoundMachine, str]"  # with its initial state
 
@@ -208,9 +200,11 @@ class BoundProgram:
 
 
 def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations | None) -> Row:
-    condition, bindings = transition.condition, machine.bindings
-    arrow = BoundTransition(transition, bindings)
-    holds, due = None if condition is None else condition.bind(bindings), arrow.after_ns
+    condition, effect, after_ns = transition.condition, transition.effect, transition.after_ns
+    bindings = machine.bindings
+    holds = None if condition is None else condition.bind(bindings)
+    due = after_ns.bind(bindings) if isinstance(after_ns, Block) else after_ns
+    arrow = transition, _calls(() if effect is None else (effect,), bindings), due
     if evaluations is not None:
         return None, watched(machine, transition, due, holds, bindings, evaluations), arrow
     return (due, holds, arrow) if not callable(due) else (None, _with_time(due, holds), arrow)

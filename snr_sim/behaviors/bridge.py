@@ -128,7 +128,7 @@ class Robot:
         self._changed: dict[DataKey, None] = {}  # pages to store, in order of their first command
         self._used: dict[DataKey, None] = {}  # pages that have been stored at all
         self._is_held = False
-        self._journal: list[tuple[str, float, bool]] = []  # since `mark`: the value before, and whether it is stored
+        self._marked = self._commands, self._changed
         for name in bridge.parts:
             setattr(self, name, Part(self, name, bridge.reads.get(name), owner, in_state_s))
 
@@ -138,12 +138,11 @@ class Robot:
         Raises:
             ParameterError: the value is not a number.
         """
-        if not isinstance(value, (int, float)) or math.isnan(value):
+        if not isinstance(value, (int, float)) or value != value:
             raise ParameterError(
                 f"robot.{name}.start() was given {value!r:.80}.", fix=f"a number, such as robot.{name}.start(1.0)."
             )
         drive = self._drives[name]
-        self._journal.append((name, self._commands[name], drive.page in self._changed))
         self._commands[name] = drive.low if value <= drive.low else drive.high if value >= drive.high else float(value)
         self._changed[drive.page] = None
 
@@ -154,15 +153,12 @@ class Robot:
 
     def mark(self) -> None:
         """Set the state to which `undo` returns."""
-        self._journal.clear()
+        self._marked = dict(self._commands), dict(self._changed)
 
     def undo(self) -> None:
         """Forget what was commanded since `mark`."""
-        while self._journal:
-            name, value, was_changed = self._journal.pop()
-            self._commands[name] = value
-            if not was_changed:
-                self._changed.pop(self._drives[name].page, None)
+        commands, changed = self._marked
+        self._commands, self._changed = dict(commands), dict(changed)
 
     def hold(self, *, is_held: bool) -> list[Task]:
         """Keep all parts at neutral, whatever they are commanded, until they are released; return the tasks for it."""
@@ -224,15 +220,16 @@ class Part:
 
     def __init__(self, robot: Robot, name: str, reads: Any, owner: Owner, in_state_s: Callable[[], float]) -> None:
         self._robot, self._name, self._reads = robot, name, reads
-        self._owner, self._in_state_s = owner, in_state_s
+        self._owner, self._in_state_s, self._get_data = owner, in_state_s, owner.get_data
 
     def read(self) -> Any:
         """Return the newest value; None if there is none, or if it is too old."""
         reads: Read = self._reads
-        data = self._owner.get_data(reads.page)
-        if data is None or (reads.fresh_s != math.inf and self._owner.get_age_s(reads.page) > reads.fresh_s):
+        value = self._get_data(reads.page)
+        if value is None or (reads.fresh_s != math.inf and self._owner.get_age_s(reads.page) > reads.fresh_s):
             return None
-        value = data[reads.field] if reads.field else data
+        if reads.field:
+            value = value[reads.field]
         return value if value is None or reads.to is None else reads.to(value)
 
     def age_ms(self) -> float:

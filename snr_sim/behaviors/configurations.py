@@ -16,13 +16,13 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias
 
 from snr_sim.behaviors.bound import BoundMachine, BoundProgram
+from snr_sim.behaviors.context import MAX_CHAIN
 from snr_sim.behaviors.program import Block, Program, Rule, Transition
 from snr_sim.behaviors.unknown import ANY_VALUE, BOTH, UnknownBlock, UnknownWorld, Values
 
 MAX_CONFIGURATIONS = 100_000  # of machines that share variables
 MAX_TRANSITIONS = 1_000_000  # that are tried for them
 MAX_CASES = 10_000  # to which one step may lead
-MAX_CHAIN = 16  # see interpreter.py
 CERTAIN = (True,)
 STEP = "step"  # in a way: a step without a transition, in which a variable has changed
 

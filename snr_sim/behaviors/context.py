@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownNameError, suggest
@@ -12,10 +12,11 @@ from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 if TYPE_CHECKING:
     import numpy as np
 
-NS_PER_S = 1_000_000_000
+NS_PER_MS, NS_PER_S = 1_000_000, 1_000_000_000
+MAX_CHAIN = 16  # transitions of one machine in one step
 MAX_SIZE = 1000  # elements of a value at all depths; four characters of a text count as one
 MAX_DEPTH = 20  # of tuples in tuples
-_INT64 = 2**63
+_MIN_INT, _MAX_INT = -(2**63), 2**63 - 1
 MAX_WORK = 150_000  # of the blocks of a step: 35 ms at most, of 380 hostile blocks; see block_bounds.py
 
 
@@ -99,30 +100,23 @@ class MachineContext:
         owner: the component whose pages are read.
 
     Attributes:
+        data: returns the data of the newest page of a key, or None.
+        age_s: returns the age of that page [s]; infinite without one.
+        store_data_task: returns the task that stores data under a key, for a block to return.
         now_ns: time of the step.
         signal: the values of the signal that caused the step.
     """
 
     def __init__(self, owner: Owner, rng: np.random.Generator | None = None) -> None:
-        self._owner = owner
+        self.data: Callable[[DataKey], Any] = owner.get_data
+        self.age_s: Callable[[DataKey], float] = owner.get_age_s
+        self.store_data_task: Callable[..., Task] = owner.store_data_task
         self._rng = rng
         self.machine: Any = None  # the one whose block is executed
         self.now_ns: int = 0
         self.signal: Sequence[Any] = ()
         self.work: int = MAX_WORK  # that blocks may still do in this step: see `block_bounds.py`
         self.logged: list[str] = []  # in this step
-
-    def data(self, key: DataKey) -> Any:
-        """Return the data of the newest page of a key, or None."""
-        return self._owner.get_data(key)
-
-    def age_s(self, key: DataKey) -> float:
-        """Return the age of that page [s]; infinite without one."""
-        return self._owner.get_age_s(key)
-
-    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
-        """Return the task that stores data under a key, for a block to return."""
-        return self._owner.store_data_task(key, data, process)
 
     @property
     def variables(self) -> Variables:
@@ -174,9 +168,7 @@ def plain_value(name: str, value: Any) -> Any:
         ParameterError: it is another value, or larger than what pages should carry: see the constants above.
     """
     kind = type(value)
-    if value is None or kind is bool or kind is float:
-        return value
-    if kind is int and -_INT64 <= value < _INT64:
+    if kind is float or value is None or kind is bool or (kind is int and _MIN_INT <= value <= _MAX_INT):
         return value
     if kind in (str, list, tuple):
         if size_of(value) <= MAX_SIZE:

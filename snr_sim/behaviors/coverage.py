@@ -33,9 +33,8 @@ class Coverage:
 
     states: set[tuple[str, str]] = field(default_factory=set)  # (path of the machine, state)
     tallies: dict[Arrow, Tally] = field(default_factory=dict)
-    pairs: Counter[tuple[Arrow, Arrow]] = field(
-        default_factory=Counter
-    )  # transitions that one machine took in sequence
+    # Transitions that one machine took in sequence.
+    pairs: Counter[tuple[Arrow, Arrow]] = field(default_factory=Counter)
     _last: dict[str, Arrow] = field(default_factory=dict)  # that each machine has taken in this run
     _t_ns: int = 0
 
@@ -88,12 +87,7 @@ class Coverage:
         was_true, was_false = Counter[tuple[str, str, int]](), Counter[tuple[str, str, int]]()
         for path, state, arrow in _arrows(program):
             tally = self.tallies.get((path, state, arrow.name, arrow.place.line), Tally())
-            where: dict[str, Any] = {
-                "machine": path,
-                "state": state,
-                "transition": arrow.name,
-                "line": arrow.place.line,
-            }
+            where = {"machine": path, "state": state, "transition": arrow.name, "line": arrow.place.line}
             counts = {"evaluated": tally.evaluated, "taken": tally.taken, "was_false": tally.was_false}
             transitions.append({**where, **counts})
             if arrow.after_ns is not None:
@@ -114,14 +108,9 @@ class Coverage:
             ],
             "time_outs": time_outs,
             "pairs": [
-                {
-                    "machine": first[0],
-                    "first": first[2],
-                    "then": then[2],
-                    "line": then[3],
-                    "taken": self.pairs[first, then],
-                }
+                {"machine": path, "first": name, "then": then[2], "line": then[3], "taken": self.pairs[first, then]}
                 for first, then in _pairs(program)
+                for path, _, name, _ in [first]
             ],
         }
 

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 from typing import Literal, TypeAlias
 from xml.sax.saxutils import escape, quoteattr
 
+from snr_sim.behaviors.context import NS_PER_MS
 from snr_sim.behaviors.program import Block, MachineDef, Program, Spawn, StateDef, Transition, with_names
 
 Format: TypeAlias = Literal["mermaid", "dot", "scxml", "text"]
 # How often a transition was taken: by the path of its machine, the state that it leaves, its name and its line. With an
 # empty name, and line 0: whether the state was reached.
 Counts: TypeAlias = Mapping[tuple[str, str, str, int], int]
-NS_PER_MS = 1_000_000
 
 
 def draw(program: Program, to: Format = "mermaid", counts: Counts | None = None) -> str:

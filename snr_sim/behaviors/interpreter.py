@@ -19,30 +19,25 @@ Time is whole nanoseconds: a time-out of 0.1 s is exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.behaviors.bound import BoundBlock, BoundMachine, BoundProgram, BoundState, BoundTransition
+from snr_sim.behaviors.bound import BoundMachine, BoundProgram, BoundState, BoundTransition, Call
 from snr_sim.behaviors.bridge import Bridge, Robot
 from snr_sim.behaviors.checks import exits_at_top
-from snr_sim.behaviors.context import MAX_WORK, FixedPages, MachineContext, Owner, plain_value
+from snr_sim.behaviors.context import MAX_CHAIN, MAX_WORK, FixedPages, MachineContext, Owner, plain_value
 from snr_sim.behaviors.context import NS_PER_S as NS_PER_S
 from snr_sim.behaviors.editing import Edited, Plan, parts_of, plan, values_after
 from snr_sim.behaviors.explain import Evaluations, evaluations_for
-from snr_sim.behaviors.program import (
-    Block,
-    Program,
-    ProgramError,
-)
+from snr_sim.behaviors.program import Block, Program, ProgramError
 from snr_sim.prelude.errors import ConfigError, UnknownNameError, suggest
 from snr_sim.prelude.task import DataKey
 
 if TYPE_CHECKING:
     import numpy as np
 
-MAX_CHAIN = 16  # transitions of one machine in one step
 # Without a clock, a condition that holds already when its state is entered is looked at so long after that, as with a
 # clock of 100 Hz: at once, two states that lead to each other would stop the time.
 SETTLE_NS = 10_000_000
@@ -91,7 +86,6 @@ class Interpreter:
         program: its machines.
         pages: what can be read: a component, or data by key.
         bridge: the parts of the robot that blocks of text name.
-        now_ns: time at which it begins.
         rng: for blocks that need random numbers.
         evaluations: keeps what each condition finds; see `explain.py`.
 
@@ -100,7 +94,7 @@ class Interpreter:
 
     Attributes:
         outputs: what the blocks of the last step returned other than None, each after its function, in order.
-        left, entered: (path, state, time in it [ns]) and (path, state) of the last step.
+        left: (path, state, time in it [ns]) of each state that was left in the last step.
         ignored: number of signals that no active state waits for, by name.
         problems: exceptions in blocks, by block; with `on_error` 'fail' they are raised instead. Also a rule of the
             program that does not hold.
@@ -114,7 +108,6 @@ class Interpreter:
         pages: Owner | Mapping[DataKey, Any] | None = None,
         *,
         bridge: Bridge | None = None,
-        now_ns: int = 0,
         rng: np.random.Generator | None = None,
         evaluations: Evaluations | None = None,
     ) -> None:
@@ -129,7 +122,6 @@ class Interpreter:
             self.robot = Robot(bridge, owner, lambda: context.in_state_s)
         self.outputs: list[tuple[Callable[[Any], Any], Any]] = []
         self.left: list[tuple[str, str, int]] = []
-        self.entered: list[tuple[str, str]] = []
         self.ignored: dict[str, int] = {}
         self.problems: dict[tuple[int, str], RunProblem] = {}
         self.past_problems: dict[tuple[int, str, str], RunProblem] = {}
@@ -142,7 +134,6 @@ class Interpreter:
         self._evaluations = evaluations_for(program) if evaluations is None else evaluations
         self._bound = BoundProgram(program, self.robot, self._evaluations)
         self._running: list[BoundMachine] = []
-        self.context.now_ns = now_ns
 
     # -- driving it ---------------------------------------------------------------------------------------------------
 
@@ -156,8 +147,7 @@ class Interpreter:
         """Spawn the machines at the top that do not run yet, and end the step."""
         for machine, initial in self._bound.top:
             if machine.state is None:
-                self._running.append(machine)
-                self._spawn(machine, initial)
+                self._spawn(self._running, machine, initial)
         self._stop_failed()
         self._check_rules()
 
@@ -173,6 +163,7 @@ class Interpreter:
             Exception: any of a block, if the program says `on_error` 'fail'.
         """
         self._begin(now_ns, values)
+        self._is_answered = False
         for machine in self._running:
             self._step(machine, signal)
         if signal is not None and not self._is_answered:
@@ -197,11 +188,11 @@ class Interpreter:
             parts |= condition.reads
         for machine in self._walk():
             context.machine, rows = machine, () if machine.state is None else machine.state.plain
-            for arrow in (arrow for _, _, arrow in rows):
-                blocks = (arrow.definition.condition, arrow.definition.after_ns)
+            for definition, _, due in (arrow for _, _, arrow in rows):
+                blocks = (definition.condition, definition.after_ns)
                 parts.update(*(one.reads for one in blocks if isinstance(one, Block)))
                 try:
-                    after_ns = arrow.after_ns(context) if callable(arrow.after_ns) else arrow.after_ns or 0
+                    after_ns = due(context) if callable(due) else due or 0
                 except Exception:
                     continue
                 due_ns = machine.since_ns + after_ns
@@ -216,15 +207,12 @@ class Interpreter:
         context.signal = values
         context.work = MAX_WORK
         self._changes = []
-        self._is_answered = False
-        if context.logged:
-            context.logged = []
+        if self.left:
+            self.left = []
         if self.outputs:
             self.outputs = []
-        if self.entered:
-            self.left, self.entered = [], []
-        if self.breaks:
-            self.breaks = []
+        if context.logged:
+            context.logged = []
 
     def _stop_failed(self) -> None:
         while self._failed:
@@ -236,6 +224,7 @@ class Interpreter:
 
     def _check_rules(self) -> None:
         """Note what must always hold and does not, once each time that it begins; find the states to pause in."""
+        self.breaks = []
         if not self._running:
             return
         entered = {state for _, state in self.entered}
@@ -282,9 +271,9 @@ class Interpreter:
                 if condition(context):
                     return self._take(machine, arrow)
             except Exception as error:
-                self._report(machine, arrow.cause, error)
-        for code in state.during:
-            self._run(machine, code)
+                self._report(machine, arrow[0].condition or arrow[0].after_ns, error)
+        if state.during:
+            self._run(machine, state.during)
         for inner in machine.running:
             moved = self._step(inner, signal)
             if moved is not None:
@@ -296,25 +285,30 @@ class Interpreter:
         now_ns = self.context.now_ns
         mover, outermost = machine, None
         for _ in _CHAIN:
-            if arrow.is_exit:
+            one, effect, _ = arrow
+            if one.kind == "exit":
                 assert mover.parent is not None  # see `exits_at_top`
                 mover = outermost = mover.parent
             source, held_ns = mover.state, now_ns - mover.since_ns
             assert source is not None
-            self._leave(mover, source, held_ns)
-            if arrow.effect is not None:
-                self._run(mover, arrow.effect)
-            mover.state = target = mover.states[arrow.target]
+            while mover.running:  # this and what follows is also in `_end`: a call of it takes 4 % of a transition
+                self._end(mover.running[-1])
+            if source.leave:
+                self._run(mover, source.leave)
+            self.left.append((mover.path, source.name, held_ns))
+            if effect:
+                self._run(mover, effect)
+            mover.state = target = mover.states[one.target]
             mover.since_ns = now_ns
             self._changes.append(
-                Change(now_ns, mover.path, arrow.kind, arrow.name, source.name, target.name, held_ns, arrow.line)
+                Change(now_ns, mover.path, one.kind, one.name, source.name, one.target, held_ns, one.place.line)
             )
             self._enter(mover, target)
             following = self._enabled(mover, target) if target.chains else None
             if following is None:
                 return outermost
             arrow = following
-        self._add_problem(mover, arrow.line, arrow.name, f"more than {MAX_CHAIN} transitions in one step")
+        self._add_problem(mover, one.place.line, one.name, f"more than {MAX_CHAIN} transitions in one step")
         return outermost
 
     def _enabled(self, machine: BoundMachine, state: BoundState) -> BoundTransition | None:
@@ -328,30 +322,17 @@ class Interpreter:
                 if condition is None or condition(context):
                     return arrow
             except Exception as error:
-                self._report(machine, arrow.cause, error)
+                self._report(machine, arrow[0].condition or arrow[0].after_ns, error)
         return None
 
-    def _leave(self, machine: BoundMachine, state: BoundState, held_ns: int) -> None:
-        """Leave the state of a machine; the machines inside first, the last spawned first."""
-        while machine.running:
-            inner = machine.running[-1]
-            assert inner.state is not None
-            self._leave(inner, inner.state, self.context.now_ns - inner.since_ns)
-            machine.running.pop().state = None
-        for code in state.leave:
-            self._run(machine, code)
-        self.left.append((machine.path, state.name, held_ns))
-
     def _enter(self, machine: BoundMachine, state: BoundState) -> None:
-        self.entered.append((machine.path, state.name))
-        for code, spawned in state.enter:
-            if code is not None:
-                self._run(machine, code)
-            elif spawned is not None:
-                machine.running.append(spawned[0])
-                self._spawn(*spawned)
+        for calls, spawned in state.enter:
+            self._run(machine, calls)
+            if spawned is not None:
+                self._spawn(machine.running, *spawned)
 
-    def _spawn(self, machine: BoundMachine, initial: str) -> None:
+    def _spawn(self, running: list[BoundMachine], machine: BoundMachine, initial: str) -> None:
+        running.append(machine)
         now_ns = self.context.now_ns
         machine.state = state = machine.states[initial]
         machine.since_ns = now_ns
@@ -361,10 +342,16 @@ class Interpreter:
         self._enter(machine, state)
 
     def _end(self, machine: BoundMachine) -> tuple[str, int]:
-        """Leave the state of a machine, which then does not run; return the state and the time in it [ns]."""
+        """Leave the state of a machine, which then does not run; return the state and the time in it [ns].
+
+        The machines inside it are ended first, the last spawned first.
+        """
         state, held_ns = machine.state, self.context.now_ns - machine.since_ns
         assert state is not None
-        self._leave(machine, state, held_ns)
+        while machine.running:
+            self._end(machine.running[-1])
+        self._run(machine, state.leave)
+        self.left.append((machine.path, state.name, held_ns))
         machine.state = None
         (self._running if machine.parent is None else machine.parent.running).remove(machine)
         return state.name, held_ns
@@ -377,23 +364,22 @@ class Interpreter:
 
     # -- blocks -------------------------------------------------------------------------------------------------------
 
-    def _run(self, machine: BoundMachine, code: BoundBlock) -> None:
-        """Execute a block: all of it, or, if it raises and the program continues, nothing."""
+    def _run(self, machine: BoundMachine, calls: Iterable[Call]) -> None:
+        """Execute blocks."""
         context = self.context
         context.machine = machine
-        before = code.save() if code.has_effects else None
-        try:
-            output = code.call(context)
-        except Exception as error:
-            if self._fails:
-                raise
-            code.undo(before)
-            self._report(machine, code.block, error)
-            return
-        if output is not None:
-            self.outputs.append((code.call, output))
+        for call, block in calls:
+            try:
+                output = call(context)
+            except Exception as error:
+                if self._fails:
+                    raise
+                self._report(machine, block, error)
+            else:
+                if output is not None:
+                    self.outputs.append((call, output))
 
-    def _report(self, machine: BoundMachine, block: Block, error: Exception) -> None:
+    def _report(self, machine: BoundMachine, block: Any, error: Exception) -> None:
         if self._fails:
             raise error
         self._add_problem(machine, block.place.line, block.line, f"{type(error).__name__}: {error}")
@@ -413,6 +399,11 @@ class Interpreter:
     def active(self) -> dict[str, str]:
         """The state of each machine that runs, by path; outer ones first."""
         return {one.path: one.state.name for one in self._walk() if one.state is not None}
+
+    @property
+    def entered(self) -> list[tuple[str, str]]:
+        """The machines that have entered a state in the last step, by path, and the state, in order."""
+        return [(one.machine, one.target) for one in self._changes if one.target]
 
     @property
     def since_ns(self) -> dict[str, int]:

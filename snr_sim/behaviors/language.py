@@ -38,7 +38,7 @@ from typing import Any
 from snr_sim.behaviors.block_checks import RESERVED
 from snr_sim.behaviors.blocks import Definition, Scope, compile_block, define
 from snr_sim.behaviors.checks import MAX_LEVELS, problems_of
-from snr_sim.behaviors.context import MAX_WORK, plain_value
+from snr_sim.behaviors.context import MAX_WORK, NS_PER_MS, plain_value
 from snr_sim.behaviors.forms import EnoughProblemsError, Notes, first_word, is_word, text_of
 from snr_sim.behaviors.imports import Actions, why_not
 from snr_sim.behaviors.program import (
@@ -60,7 +60,6 @@ from snr_sim.behaviors.program import (
 from snr_sim.behaviors.reader import MAX_PROBLEMS, Code, Form, Item, Text, Word, read
 from snr_sim.prelude.errors import ParameterError, suggest
 
-NS_PER_MS = 1_000_000
 MAX_CODE = 100_000  # characters of the blocks of a program, each with the helpers that it calls
 Parts = Mapping[str, frozenset[str]]
 

@@ -100,7 +100,7 @@ class Block:
         drives: parts of the robot that it commands; of a block of text.
         writes: keys of the variables that it assigns; of a function in Python None: it may assign all.
         keys: of the variables that it names; of a function in Python none are known.
-        is_commanding: whether it commands the robot.
+        is_atomic: whether it has changed nothing if it raises; of a function in Python that is not known.
         reads: parts of the robot that it reads; of a block of text.
         polls: what in it changes without a page, such as "now_ms"; of a block of text.
         parts: returns the parts of a condition in text, for an explanation: readings, variables, what is compared.
@@ -112,7 +112,7 @@ class Block:
     drives: frozenset[str] = frozenset()
     writes: frozenset[str] | None = None
     keys: tuple[str, ...] = ()
-    is_commanding: bool = True
+    is_atomic: bool = False
     reads: frozenset[str] = frozenset()
     polls: str = ""
     parts: Callable[[], list[Block]] | None = field(default=None, repr=False, compare=False)

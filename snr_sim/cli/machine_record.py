@@ -11,6 +11,7 @@ import typer
 from snr_sim.cli.machine_replay import replaying
 from snr_sim.cli.newest import trace_of
 from snr_sim.cli.output import print_note, print_text
+from snr_sim.cli.replay import config_of_replay
 from snr_sim.prelude.errors import ParameterError, SnrError
 
 _TEST = '''"""{title}, printed by `snr machine record`. It is about the program in {file}."""
@@ -48,8 +49,9 @@ def record(run: Path, name: str, file: str, from_s: float, until_s: float, *, tr
     if not (file.endswith(LRP) and Path(file).is_file()):
         raise ParameterError(f"'{file}' is not a file with a program in LRP.", fix="name it: --with mine.lrp.")
     name = name or edits_of(trace).name
-    with replaying(trace, trust=trust) as (config, before_task):
-        piece, changes = piece_of(trace, config, before_task, name, from_s, until_s)
+    with replaying(trace, trust=trust) as plan:
+        config, _ = config_of_replay(trace, plan, "")
+        piece, changes = piece_of(trace, config, plan.files.begin_task, name, from_s, until_s)
     rows = "".join(f"\n        {one!r}," for one in changes) + ("\n    " if changes else "")
     title = f"{name} in {trace.path.parent.name}, {from_s:g} s to {until_s:g} s"
     print_text(_TEST.format(title=title, file=file, name=_python_name(name), piece=piece, changes=rows), end="")

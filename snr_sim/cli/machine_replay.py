@@ -7,16 +7,16 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 from snr_sim.cli.output import capture_output
-from snr_sim.cli.replay import config_of_replay
+from snr_sim.cli.replay import replay_nodes
 from snr_sim.cli.trust import ask
 
 if TYPE_CHECKING:
     from snr_sim.behaviors.explain import Evaluations
     from snr_sim.behaviors.program import Program
-    from snr_sim.core.config import Config
     from snr_sim.recording.checker import NodeReplay
     from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.reader import Trace
+    from snr_sim.scenario.replay_files import ReplayFiles
 
 
 def replay_machines(
@@ -28,18 +28,16 @@ def replay_machines(
     tolerances: Sequence[Tolerance] = (),
 ) -> list[NodeReplay]:
     """Execute a run again; return the replay of each node. Args as of `replaying` and `replay_node`."""
-    from snr_sim.recording.replay import replay_node
-
-    with replaying(trace, with_file, trust=trust, evaluations=evaluations) as (config, before_task):
-        roles = [node.removesuffix("_node") for node in trace.header.nodes]
-        return [replay_node(trace, role, config, tolerances, before_task) for role in roles]
+    with replaying(trace, with_file, trust=trust, evaluations=evaluations) as plan:
+        replays, _ = replay_nodes(trace, plan, with_file, tolerances)
+        return replays
 
 
 @contextmanager
 def replaying(
     trace: Trace, with_file: str = "", *, trust: bool, evaluations: Callable[[Program], Evaluations] | None = None
-) -> Iterator[tuple[Config, Callable[[int], None]]]:
-    """Yield what `replay_node` needs; meanwhile files are read as they were recorded, and nothing is printed.
+) -> Iterator[ReplayFiles]:
+    """Yield the files of a replay, from which all is read meanwhile; nothing is printed.
 
     Args:
         trace: of the run.
@@ -58,5 +56,4 @@ def replaying(
         stack.enter_context(reading_from(plan.files))
         if evaluations is not None:
             stack.enter_context(explaining(evaluations))
-        config, _ = config_of_replay(trace, plan, with_file)
-        yield config, plan.files.begin_task
+        yield plan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +19,7 @@ from snr_sim.prelude.errors import MissingExtraError, SnrError
 
 if TYPE_CHECKING:
     from snr_sim.recording.checker import Divergence, NodeReplay
+    from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.nondeterminism import NondeterministicCall
     from snr_sim.recording.reader import Trace
     from snr_sim.scenario.replay_files import ReplayFiles
@@ -111,23 +113,32 @@ def _replay(trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[An
     from snr_sim.core.reload.sources import reading_from
     from snr_sim.recording.folder import trace_warnings
     from snr_sim.recording.nondeterminism import detect_nondeterminism
-    from snr_sim.recording.replay import describe_reloads, reload_sources, replay_node
+    from snr_sim.recording.replay import describe_reloads
 
-    roles = [node.removesuffix("_node") for node in trace.header.nodes]
     with ExitStack() as stack:
         found = stack.enter_context(detect_nondeterminism()) if is_checking else {}
         stack.enter_context(reading_from(plan.files))
-        config, notes = config_of_replay(trace, plan, with_file)
-        replays: list[NodeReplay] = []
-        for role in roles:
-            if replays and reload_sources(trace):
-                plan.files.begin_node()  # another node may have been reloaded
-                config, _ = config_of_replay(trace, plan, with_file)
-            replays.append(replay_node(trace, role, config, tolerances, plan.files.begin_task))
+        replays, notes = replay_nodes(trace, plan, with_file, tolerances)
     if with_file or not plan.is_recorded:
         notes.extend(describe_reloads(trace, [record for replay in replays for record in replay.records]))
     notes.extend(trace_warnings(trace))
     return _Replayed(replays, list(found.values()), notes)
+
+
+def replay_nodes(
+    trace: Trace, plan: ReplayFiles, with_file: str, tolerances: Sequence[Tolerance]
+) -> tuple[list[NodeReplay], list[str]]:
+    """Execute each node of a run again, while files are read from the plan's; return the replays, and notes."""
+    from snr_sim.recording.replay import reload_sources, replay_node
+
+    config, notes = config_of_replay(trace, plan, with_file)
+    replays: list[NodeReplay] = []
+    for node in trace.header.nodes:
+        if replays and reload_sources(trace):
+            plan.files.begin_node()  # another node may have been reloaded
+            config, _ = config_of_replay(trace, plan, with_file)
+        replays.append(replay_node(trace, node.removesuffix("_node"), config, tolerances, plan.files.begin_task))
+    return replays, notes
 
 
 def config_of_replay(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:

@@ -128,7 +128,7 @@ class ClockExecutor:
         self._must_halt = False
         self._at_once = 0  # consecutive ticks that were requested at once
         self._pages = WakingPages(loop, self)
-        self._periods = 0  # ticks but for those that a page has caused
+        self._periods = 0  # from the start to the next tick of the loop's rate
         self._is_woken = False  # a tick in addition to the rate is due at this moment
         self._next: Due | None = None  # the next tick that no page has caused
         self._next_tick_at_s: float | None = None  # of the loop, when that tick was scheduled
@@ -145,14 +145,13 @@ class ClockExecutor:
 
     def _tick(self) -> None:
         self._next = None
-        self._periods += 1
         self._call()
         self._schedule()
 
     def _tick_woken(self) -> None:
         self._is_woken = False
         self._call()
-        if self._loop.next_tick_at_s not in (None, self._next_tick_at_s):
+        if self._loop.next_tick_at_s != self._next_tick_at_s:
             self._schedule()
 
     def _schedule(self) -> None:
@@ -178,11 +177,12 @@ class ClockExecutor:
                 raise
 
     def _next_s(self) -> float:
-        target_s = self._loop.next_tick_at_s
+        target_s, now_s = self._loop.next_tick_at_s, self._clock.now_s()
         if target_s is None:
             # A product would drift in the last digits; ticks of loops with equal rates need equal floats.
-            return self._start_s + self._periods / self._rate_hz
-        now_s = self._clock.now_s()
+            while (time_s := self._start_s + self._periods / self._rate_hz) <= now_s:
+                self._periods += 1
+            return time_s
         if target_s > now_s:
             self._at_once = 0
             return target_s

@@ -19,7 +19,7 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.renamed import warn_renamed
 from snr_sim.prelude.task import DataKey, Page, SomeTasks, TaskHandlerMap
 
-NEVER_S: float = 1e300  # as `next_tick_at_s`: not before a page of `wakes_on`. Finite, so that JSON can carry it
+NEVER_S: float = 1e300  # as `next_tick_at_s`: no time. Finite, so that JSON can carry it
 _EXECUTORS = ("thread", "process")
 
 
@@ -137,12 +137,10 @@ class Loop(LoopMembers, NodeComponent):
     executor: Literal["thread", "process"] = "thread"
     max_tick_rate_hz: float = 1000.0
     first_tick_after_s: float = 0.0  # delay from `begin` to the first `loop`; a loop may set its own
-    # Node time of the next `loop`, for a loop that is not periodic; it sets a new value in each `loop`, also if a page
-    # has caused it. A time in the past means at once, NEVER_S that only a page of `wakes_on` causes the next one.
+    # Node time of the next `loop`; None: the next of its rate. A loop that is not periodic, or idle for a time, sets it
+    # in each `loop`, also if a page has caused it. A time in the past means at once; NEVER_S that only a page in
+    # `wakes_on` causes the next one, or on a thread `wake`.
     next_tick_at_s: float | None = None
-    # Node time before which a tick would do nothing, unless a page in `wakes_on` comes or `wake` is called: a thread
-    # sleeps until then. Lock step has no thread to spare, and keeps the rate.
-    idle_until_s: float = 0.0
     # Keys of pages after which `loop` is called at once, beside its rate: in lock step at the same moment, when
     # everything else at that moment is done.
     wakes_on: tuple[DataKey, ...] = ()

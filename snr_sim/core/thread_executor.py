@@ -85,22 +85,20 @@ class ThreadExecutor:
             self.ticks += 1
             begun_s = clock.now_s()
             self._life.call_loop(loop, "loop")
+            is_periodic = loop.next_tick_at_s is None
             deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
-            is_idle = loop.idle_until_s > deadline_s
-            deadline_s = max(deadline_s, loop.idle_until_s)
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
                 is_woken = self._waking.wait(min(spare_s, threading.TIMEOUT_MAX))  # not sleep: stop() ends it at once
-                if is_idle:
-                    deadline_s = clock.now_s()  # the ticks that it slept through are not missed
-                elif not is_woken:
-                    continue
-                elif self._is_due:
-                    if loop.next_tick_at_s is None:
-                        deadline_s -= self._period_s  # as it was
-                else:
+                is_due = self._is_due
+                if is_woken and not is_due:
                     soonest_s = begun_s + _MIN_WAKE_PERIODS * self._period_s
                     self._stopping.wait(max(0.0, min(deadline_s, soonest_s) - clock.now_s()))
+                if not is_periodic:
+                    deadline_s = clock.now_s()  # the periods that it slept through are not missed
+                elif is_woken and is_due:
+                    deadline_s -= self._period_s  # as it was
+                elif is_woken:
                     deadline_s = clock.now_s() + (_MAX_WAKE_WAIT_PERIODS - 1.0) * self._period_s
             elif self._period_s:
                 self.late_s = max(self.late_s, -spare_s)

@@ -163,10 +163,7 @@ def load_robot(found: FoundItem) -> ModuleType:
     Raises:
         ConfigError: it cannot be loaded, or does not implement the robot interface (`prelude/scenario.py`).
     """
-    name = ROBOT_MODULE + found.name
-    _robots.begin(name)
-    for loaded in [module for module in sys.modules if module == name or module.startswith(name + ".")]:
-        del sys.modules[loaded]
+    name = _begin_robot(found.name)
     robot = _load(name, found.path / "robot.py", f"the robot '{found.name}'", package=found.path)
     _require(robot, found.path / "robot.py", ("ROLES", "IO", "roles"), "a robot")
     _require_names(robot, found.path / "robot.py", ("ROLES", "IO"))
@@ -175,9 +172,18 @@ def load_robot(found: FoundItem) -> ModuleType:
 
 def name_robot(name: str, folder: Path) -> None:
     """Make a robot's folder importable as a package; its robot.py is executed at the first access to its content."""
-    if ROBOT_MODULE + name not in sys.modules:
-        _robots.begin(ROBOT_MODULE + name)
-        sys.modules[ROBOT_MODULE + name] = _LazyRobotModule(name, folder)
+    known = sys.modules.get(ROBOT_MODULE + name)
+    if known is None or list(known.__path__) != [str(folder)]:
+        sys.modules[_begin_robot(name)] = _LazyRobotModule(name, folder)
+
+
+def _begin_robot(name: str) -> str:
+    """Forget the modules of a robot of this name; return the name of its package."""
+    package = ROBOT_MODULE + name
+    _robots.begin(package)
+    for loaded in [module for module in sys.modules if module == package or module.startswith(f"{package}.")]:
+        del sys.modules[loaded]
+    return package
 
 
 class _LazyRobotModule(ModuleType):

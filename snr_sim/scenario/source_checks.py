@@ -37,7 +37,7 @@ MAX_USUAL_RATE_HZ = 10_000.0
 _USED_OF_ENDPOINT = ("begin", "halt", "terminate", "join", "task_handlers", "optional_events")
 _USED_OF_LOOP = (
     *("begin", "setup", "loop", "halt", "terminate", "join", "max_tick_rate_hz", "first_tick_after_s"),
-    *("next_tick_at_s", "idle_until_s", "wakes_on", "executor"),
+    *("next_tick_at_s", "wakes_on", "executor"),
 )
 
 

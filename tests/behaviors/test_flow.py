@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from snr_sim import Config, ListReplayerFactory, Node, SimClock, TaskType, TimeoutLoopFactory, tasks
 from snr_sim.behaviors.flow import (
     Concurrence,
+    EventState,
     Flow,
     Iterator,
     Preempted,
@@ -212,6 +213,16 @@ def test_request_is_answered() -> None:
         {(TaskType.event, "grab"): lambda task, key: tasks.event("grabbed", [2 * task.val_list[0]])}, "gripper"
     )
     assert Lab(flow_of(A=state("done", run=run)), helper).sent_texts == [(0.0, [6])]
+
+
+def test_event_state_ends_with_the_first_of_its_events() -> None:
+    flow = flow_of(A=(EventState("go", "stay"), {"go": "B", "stay": "A"}), B=(EventState("go"), {"go": "done"}))
+    events = [event_at(1.0 + 0.1 * i, name) for i, name in enumerate(("other", "stay", "go", "stay", "go"))]
+    lab = Lab(flow, *events)
+    assert lab.moves == [("A", "stay", "A"), ("A", "go", "B"), ("B", "go", "done")]
+    assert Lab(flow, event_at(1.0, "mission.preempt")).done == ["preempted"]
+    with pytest.raises(ConfigError, match="EventState has the outcomes"):
+        EventState()
 
 
 def test_event_that_ends_one_state_is_not_seen_by_the_next() -> None:

@@ -372,6 +372,15 @@ def test_error_in_a_block_ends_its_machine_if_the_program_stops_on_it() -> None:
     assert interpreter.step(2) == []
 
 
+def test_step_without_a_change_has_left_no_state() -> None:
+    program = machine("m", "a", [state("a", during=lambda m: 1 / 0)])
+    interpreter, _ = started(replace(program, on_error="stop"))
+    interpreter.step(1)
+    assert interpreter.left == [("m", "a", 1)]
+    interpreter.step(2)
+    assert interpreter.left == []
+
+
 def test_condition_that_raises_is_false_and_counted_once_for_each_time() -> None:
     program = machine(
         "m", "a", [state("a", on(lambda m: 1 / 0, to="b"), on(holds("x"), to="c")), state("b"), state("c")]

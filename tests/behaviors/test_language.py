@@ -136,10 +136,32 @@ def test_arrow_and_star_need_no_space() -> None:
     assert [(one.source, one.target) for one in spawn.machine.transitions] == [("a", "b-2"), ("*", "a")]
 
 
-def test_block_that_fails_is_undone_with_its_commands_and_noted() -> None:
-    text = "(var n := [0])(machine m (state a (onentry [n = 5; robot.light.start(50); n = 1 / 0])))(spawn m a)"
+@pytest.mark.parametrize(
+    "block",
+    [
+        "n = 5; robot.light.start(50); n = 1 / 0",
+        "n = 1 / 0",
+        "n = k = 1 / 0",
+        "n, k = 1, 1 / 0",
+        "n, (k, k) = 1, (2 / 0, 3)",
+        "n += 1 / 0",
+        "log(n); robot.light.start(1 / 0)",
+        "(robot.light.start(50), 1 / 0)",
+        "robot.light.start(50) or robot.light.start(1 / 0)",
+        "[robot.light.start(1 / (2 - x)) for x in range(3)]",
+        "for n in (1, 2): n / (2 - n)",
+        "for x in range(3): n = 1 / (2 - x)",
+        "if True: n = 5; 1 / 0",
+        "if robot.light.start(50) is None: 1 / 0",
+        "n = 5 if robot.light.start(50) else 1 / 0",
+        "n = go() or 1 / 0",
+    ],
+)
+def test_block_that_fails_is_undone_with_its_commands_and_noted(block: str) -> None:
+    helper = "(def go [robot.light.start(50)])"
+    text = f"(var n := [0])(var k := [0]){helper}(machine m (state a (onentry [{block}])))(spawn m a)"
     interpreter, _ = started(text)
-    assert interpreter.variables == {"n": 0}
+    assert interpreter.variables == {"n": 0, "k": 0}
     assert levels(interpreter) == []
     (problem,) = interpreter.problems.values()
     assert (problem.line, problem.message) == (1, "ZeroDivisionError: division by zero")

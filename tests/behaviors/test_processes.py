@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from snr_sim import Config, Node, SimClock, SimRunner, TaskType, TimeoutLoopFactory, WallClock, tasks
 from snr_sim.behaviors import after, machine, on, parse, state
-from snr_sim.behaviors.flow import Flow, State, ask, flow_parts, wait
+from snr_sim.behaviors.flow import EventState, Flow, State, ask, flow_parts, wait
 from snr_sim.behaviors.processes import ControlProcessFactory, ObserverState, reference_parts
 from snr_sim.core.lockstep import LockStep
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError
@@ -203,8 +203,14 @@ TEXT = parse("""
 """)
 
 
-@pytest.mark.parametrize("states", [STATES, TABLE, TEXT], ids=["dict", "table", "text"])
-def test_reference_is_a_dict_a_table_or_a_text(states: Any) -> None:
+FLOW = Flow("kooi", ("over",))
+FLOW.add("StateA", EventState("EventA"), {"EventA": "StateB"})
+FLOW.add("StateB", EventState("EventB", "EventC"), {"EventB": "StateA", "EventC": "StateC"})
+FLOW.add("StateC", EventState("EventA"), {"EventA": "StateA"})
+
+
+@pytest.mark.parametrize("states", [STATES, TABLE, TEXT, FLOW], ids=["dict", "table", "text", "flow"])
+def test_reference_is_a_dict_a_table_a_text_or_a_flow(states: Any) -> None:
     names = ("EventA", "EventB", "EventA", "EventC", "EventA")
     lab = Lab({"P1": Echo}, *(event_at(1.0 + 0.1 * i, name) for i, name in enumerate(names)), states=states).run()
     assert lab.states == ["StateA", "StateB", "StateA", "StateB", "StateC", "StateA"]
@@ -227,6 +233,32 @@ def test_flow_leads_a_reference_machine_and_waits_for_it() -> None:
     Lab({"P1": Echo, "P2": Slow}, *flow_parts(flow)).run()
     assert [name for name, _ in reached] == ["StateB", "StateC"]
     assert [time_s for _, time_s in reached] == pytest.approx([0.61, 1.22]), "Slow ends what it has begun"
+
+
+def test_outcome_of_a_flow_is_the_last_state_of_a_reference_machine() -> None:
+    flow = Flow("short", ("over",))
+    flow.add("FIRST", EventState("EventA"), {"EventA": "SECOND"})
+    flow.add("SECOND", EventState("EventB"), {"EventB": "over"})
+    flow.set_initial("FIRST")
+    processes = {"P1": dict.fromkeys(("FIRST", "SECOND", "over"), Echo)}
+    events = [event_at(0.5 + 0.1 * i, name) for i, name in enumerate(("EventA", "EventB", "EventA"))]
+    lab = Lab(processes, *events, states=flow, until_s=1.5).run()
+    assert lab.states == ["StateA", "SECOND", "over"]  # the first is that of Kooi's example
+    assert lab.dropped == [("EventA", "no transition in over")]
+
+
+@pytest.mark.parametrize(
+    ("behavior", "message"),
+    [
+        (type("Look", (State,), {"outcomes": ("EventA",), "run": lambda self, data: "EventA"})(), "is a Look"),
+        (FLOW, "is a Flow"),
+    ],
+)
+def test_flow_whose_states_do_work_is_refused_as_reference(behavior: Any, message: str) -> None:
+    flow = Flow("busy", ("EventA", "over"))
+    flow.add("FIRST", behavior)
+    with pytest.raises(ConfigError, match=f"State 'FIRST' of flow 'busy' {message}; a reference machine only has"):
+        reference_parts(flow)
 
 
 def anything(m: Any) -> None:

@@ -5,6 +5,7 @@ Run by `snr bench machines`.
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -141,6 +142,28 @@ class HandSwitch:
             do_nothing(self)
             return True
         return False
+
+
+class HandCommander:
+    """The same with what the blocks in LRP do: a count, and a command within limits."""
+
+    def __init__(self, data: Callable[[str], Any]) -> None:
+        self.data = data
+        self.state, self.since_ns, self.count = "a", 0, 0
+        self.commands = {"motor": 0.0}
+
+    def step(self, now_ns: int) -> bool:
+        if self.data("range") < NEAR_CM:
+            self.command("motor", 5.0 if self.state == "a" else 0.0)
+            self.state, self.since_ns = "b" if self.state == "a" else "a", now_ns
+            self.count += 1
+            return True
+        return False
+
+    def command(self, name: str, value: float) -> None:
+        if math.isnan(value):
+            raise ValueError(name)
+        self.commands[name] = min(max(value, -100.0), 100.0)
 
 
 def steps_of(make: Callable[[dict[str, Any]], Any], count: int, *, is_moving: bool) -> Benchmark:
@@ -356,7 +379,7 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
         ("a step: three conditions and a time-out, none due", HandIdle, IDLE, False, 4.0),
         ("a step of the explorer, 1000 steps a second", HandExplorer, EXPLORER, True, 4.5),
         ("a transition: condition, exit block, entry block", HandSwitch, SWITCH, False, 8.0),
-        ("a transition in LRP: reads, commands, assigns", HandSwitch, LRP_SWITCH, False, None),
+        ("a transition in LRP: reads, commands, assigns", HandCommander, LRP_SWITCH, False, 8.0),
     ):
         by_hand = steps_of(lambda pages, hand=hand: hand(pages.get), count, is_moving=is_moving)
         found = compare(by_hand, steps_of(interpreted(program), count, is_moving=is_moving), rounds=rounds)

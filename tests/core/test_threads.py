@@ -12,6 +12,7 @@ import pytest
 
 from snr_sim import Config, Loop, Node, SimRunner, SomeTasks, Task, TaskType, TimeoutLoopFactory, WallClock, tasks
 from snr_sim.core.inbox import Inbox
+from snr_sim.core.loop import NEVER_S
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.prelude.errors import ComponentFailedError, ParameterError
 from snr_sim.testing.fake_recorder import FakeRecorder
@@ -130,17 +131,17 @@ def ticks_of(
     rate_hz: float,
     works_s: Sequence[float],
     woken_at_s: Sequence[float] = (),
-    idle_until_s: Sequence[float] | None = None,
+    next_ticks_at_s: Sequence[float | None] = (),
 ) -> tuple[list[float], ThreadExecutor]:
-    """Return the tick times of a threaded loop with this work and idle time per tick, and these `wake` times; and its
-    caller."""
+    """Return the tick times of a threaded loop with this work per tick, these `next_tick_at_s` and `wake` times; and
+    its caller."""
     ticks: list[float] = []
     clock = WorkClock()
 
     def work(loop: Any) -> None:
         ticks.append(clock.time_s)
         clock.time_s += works_s[len(ticks) - 1]
-        loop.idle_until_s = idle_until_s[len(ticks) - 1] if idle_until_s else 0.0
+        loop.next_tick_at_s = next_ticks_at_s[len(ticks) - 1] if next_ticks_at_s else None
         if len(ticks) == len(works_s):
             executor.stop()
 
@@ -183,8 +184,7 @@ def test_loop_no_longer_woken_keeps_its_rate() -> None:
 
 
 def test_idle_loop_sleeps_until_its_time_or_a_wake_and_then_keeps_its_rate() -> None:
-    idle_until_s = [0.0, 0.505, 0.0, 0.5, 1e9, 0.0, 0.0]
-    ticks, executor = ticks_of(100, [0.0] * 7, [0.9], idle_until_s)
+    ticks, executor = ticks_of(100, [0.0] * 7, [0.9], [None, 0.505, None, None, NEVER_S, None, None])
     assert ticks == pytest.approx([0.0, 0.0101, 0.5051, 0.5152, 0.5252, 0.9, 0.9101])
     assert executor.late_s == 0.0
 

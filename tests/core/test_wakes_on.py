@@ -118,7 +118,7 @@ def test_removed_loop_listens_no_more() -> None:
     assert not any(node.datastore.listeners.values())
 
 
-def moments_of(alarms: list[float], at_s: float) -> tuple[list[float], list[float], SimClock]:
+def moments_of(alarms: list[float | None], at_s: float) -> tuple[list[float], list[float], SimClock]:
     """Return the ticks of a loop that waits for these times in turn, and all moments; a page comes at `at_s`."""
     ticks: list[float] = []
     moments: list[float] = []
@@ -149,6 +149,12 @@ def test_loop_that_waits_for_pages_only_leaves_nothing_due() -> None:
 
 def test_tick_that_a_loop_still_waits_for_stays() -> None:
     assert moments_of([1.0, 1.0, NEVER_S], 0.2)[0] == [0.0, 0.2, 1.0]
+
+
+def test_loop_that_was_idle_returns_to_the_ticks_of_its_rate() -> None:
+    assert moments_of([NEVER_S, None, None, NEVER_S], 1.7)[0] == [0.0, 1.7, 2.0, 2.5]
+    assert moments_of([1.5, None, NEVER_S], 1.7)[0] == [0.0, 1.5, 1.7], "a page comes before the tick at 2 s"
+    assert moments_of([1.6, None, None, NEVER_S], 1.7)[0] == [0.0, 1.6, 1.7, 2.0]
 
 
 @pytest.mark.slow

@@ -91,6 +91,8 @@ def test_robot_without_parts_is_named(landing: Path, tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SnrError, match="This robot has no parts that an LRP program could name"):
         prepare(Request("lander_vertical", controller=str(landing)))
+    monkeypatch.undo()
+    assert "throttle" in library.bridge_of_robot("lander").parts, "the robot is another one now"
 
 
 def test_bridge_that_fails_is_not_taken_for_a_missing_one(monkeypatch: pytest.MonkeyPatch) -> None:

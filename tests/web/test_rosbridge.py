@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -372,7 +371,6 @@ ros.terminate()
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(find_spec("roslibpy") is None, reason="pip install roslibpy")
 def test_roslibpy_drives_it(tmp_path: Path) -> None:
     with served() as (_, factory):
         done = subprocess.run(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from snr_sim.behaviors.flow.concurrence import Concurrence as Concurrence
     from snr_sim.behaviors.flow.endpoint import FlowFactory as FlowFactory
     from snr_sim.behaviors.flow.endpoint import flow_parts as flow_parts
+    from snr_sim.behaviors.flow.event_state import EventState as EventState
     from snr_sim.behaviors.flow.flow import Flow as Flow
     from snr_sim.behaviors.flow.iterator import Iterator as Iterator
     from snr_sim.behaviors.flow.movement import movement_parts as movement_parts

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from snr_sim.behaviors.flow.concurrence import Concurrence
 from snr_sim.behaviors.flow.endpoint import flow_parts
 from snr_sim.behaviors.flow.flow import Flow
 from snr_sim.behaviors.flow.state import State
@@ -42,60 +41,52 @@ def movement_parts(
         name: of the server, and of its page.
         step_hz: how often it looks whether a request is over.
     """
-    motors = _Motors(requests, command)
-    moves = Concurrence(("reached",), "reached", input_keys=("goal",))
-    for one in requests:
-        moves.add(one, _Timed(one, motors))
     flow = Flow(name, ("reached", "rejected"))
-    flow.add("CHECK", _Check(motors), {"valid": "MOVE"})
-    flow.add("MOVE", moves)
+    flow.add("MOVE", _Move(requests, command))
     return flow_parts(flow, step_hz=step_hz, userdata={"goal": {}})
 
 
-class _Motors:
-    """The magnitude of each request; commands are stored for all of them together."""
+class _Move(State):
+    """All requests of one goal; commands are stored for all of them together."""
 
-    def __init__(self, requests: Sequence[str], command: Command) -> None:
-        self.magnitudes: dict[str, float] = dict.fromkeys(requests, 0.0)
-        self._command = command
-        self._stored: tuple[float, dict[str, float]] | None = None
-
-    def tasks(self, state: State) -> list[Task]:
-        """Return the tasks that store the commands, unless this was done at this moment."""
-        now = state.get_time_s(), dict(self.magnitudes)
-        if now == self._stored:
-            return []
-        self._stored = now
-        return [state.store_data_task(key, data) for key, data in self._command(now[1]).items()]
-
-
-class _Check(State):
-    """Checks a goal, and sets the magnitudes of all its requests: they begin with one command."""
-
-    outcomes: tuple[str, ...] = ("valid", "rejected")
+    outcomes: tuple[str, ...] = ("reached", "rejected")
     input_keys: tuple[str, ...] = ("goal",)
 
-    def __init__(self, motors: _Motors) -> None:
-        self._motors = motors
+    def __init__(self, requests: Sequence[str], command: Command) -> None:
+        self._requests, self._command = tuple(requests), command
 
-    def run(self, userdata: Userdata) -> str:
+    def run(self, userdata: Userdata) -> Generator[Any, Any, str]:
         """See `State`."""
-        goal, known = userdata.goal, self._motors.magnitudes
-        problem = _problem_of(goal, known)
-        if problem:
-            self.owner.parent.add_note(f"The goal of '{self.owner.name}' was rejected: {problem}")
+        goal, begun_s, who = userdata.goal, self.get_time_s(), self.owner.name
+        if problem := _problem_of(goal, self._requests):
+            self.owner.parent.add_note(f"The goal of '{who}' was rejected: {problem}")
             return "rejected"
-        for name in known:
-            magnitude, duration_s = goal.get(name, (0.0, 0.0))
-            known[name] = magnitude if duration_s else 0.0
-            if name in goal and not duration_s:
-                self.owner.parent.add_note(f"'{self.owner.name}': '{name}' lasts 0 s, and does nothing.")
-        return "valid"
+        for name, (_, duration_s) in goal.items():
+            if not duration_s:
+                self.owner.parent.add_note(f"'{who}': '{name}' lasts 0 s, and does nothing.")
+        lasting = {name: request for name, request in goal.items() if request[1]}
+        try:
+            while lasting:
+                # Rounded, as the difference of two times has errors of 1e-16 s, for which it would wait a step more.
+                passed_s = round(self.get_time_s() - begun_s, 9)
+                lasting = {name: request for name, request in lasting.items() if request[1] > passed_s}
+                yield self._tasks({name: magnitude for name, (magnitude, _) in lasting.items()})
+                left_s = [round(duration_s - passed_s, 9) for _, duration_s in lasting.values()]
+                if lasting:
+                    yield wait(min([*left_s, REPEAT_S]))
+        except Preempted:
+            yield self._tasks({})
+        return "reached"
+
+    def _tasks(self, magnitudes: Mapping[str, float]) -> list[Task]:
+        """Return the tasks that store the commands."""
+        pages = self._command({**dict.fromkeys(self._requests, 0.0), **magnitudes})
+        return [self.store_data_task(key, data) for key, data in pages.items()]
 
 
-def _problem_of(goal: Any, known: Mapping[str, float]) -> str:
+def _problem_of(goal: Any, known: Sequence[str]) -> str:
     if not isinstance(goal, Mapping):
-        return f"{goal!r:.80} is not a dict, such as {{'{next(iter(known))}': [0.5, 2.0]}}."
+        return f"{goal!r:.80} is not a dict, such as {{'{known[0]}': [0.5, 2.0]}}."
     for name, request in goal.items():
         if name not in known:
             return f"there is no request '{name!s:.40}': {suggest(str(name), known)}"
@@ -103,30 +94,3 @@ def _problem_of(goal: Any, known: Mapping[str, float]) -> str:
         if not are_numbers or not all(map(math.isfinite, request)) or request[1] < 0.0:
             return f"'{name}' is {request!r:.80}; it takes a magnitude and a duration of 0 s or more."
     return ""
-
-
-class _Timed(State):
-    """One request: its magnitude is 0 when its time is over, or it is preempted."""
-
-    outcomes: tuple[str, ...] = ("done",)
-    input_keys: tuple[str, ...] = ("goal",)
-
-    def __init__(self, name: str, motors: _Motors) -> None:
-        self._name, self._motors = name, motors
-
-    def run(self, userdata: Userdata) -> Generator[Any, Any, str]:
-        """See `State`."""
-        _, duration_s = userdata.goal.get(self._name, (0.0, 0.0))
-        if not duration_s:
-            return "done"
-        end_s = self.get_time_s() + duration_s
-        try:
-            # Rounded, as the difference of two times has errors of 1e-16 s, for which it would wait a step more.
-            while (left_s := round(end_s - self.get_time_s(), 9)) > 0.0:
-                yield self._motors.tasks(self)
-                yield wait(min(left_s, REPEAT_S))
-        except Preempted:
-            pass
-        self._motors.magnitudes[self._name] = 0.0
-        yield self._motors.tasks(self)
-        return "done"

@@ -6,15 +6,15 @@ ThreadState --> page "<path>.call" --> ThreadCalls: function(...) --> event "<pa
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Callable, Generator, Mapping
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any
 
 from snr_sim.behaviors.flow.state import Execution, State
 from snr_sim.behaviors.flow.userdata import Userdata, check_known, data_copy, inputs_of
 from snr_sim.behaviors.flow.waits import event
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loop import NEVER_S, Loop, LoopFactory
 from snr_sim.core.source_location import after_line, location_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, TaskError
@@ -22,6 +22,7 @@ from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import DataKey
 
 
+@dataclass(eq=False)
 class ThreadState(State):
     """A state that calls a function which may block, and ends with what it returns: an outcome, or an outcome and a
     dict of data.
@@ -37,26 +38,21 @@ class ThreadState(State):
         input_keys, output_keys: data that it is given, and may return.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        outcomes: tuple[str, ...] = ("done",),
-        *,
-        input_keys: tuple[str, ...] = (),
-        output_keys: tuple[str, ...] = (),
-    ) -> None:
-        if not callable(function):
-            raise ConfigError(f"ThreadState is given {function!r:.80}.", fix="a function, without brackets.")
-        self.function: Callable[..., Any] = function
-        self.outcomes: tuple[str, ...] = outcomes
-        self.input_keys: tuple[str, ...] = input_keys
-        self.output_keys: tuple[str, ...] = output_keys
-        self._path = ""
-        self._calls: dict[str, int] = {}  # how many there have been, by path
+    function: Callable[..., Any]
+    outcomes: tuple[str, ...] = ("done",)
+    _: KW_ONLY
+    input_keys: tuple[str, ...] = ()
+    output_keys: tuple[str, ...] = ()
+    _path: str = field(default="", init=False)
+    _calls: dict[str, int] = field(default_factory=dict, init=False)  # how many there have been, by path
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise ConfigError(f"ThreadState is given {self.function!r:.80}.", fix="a function, without brackets.")
 
     def __deepcopy__(self, memo: object) -> ThreadState:
         """Return a copy with the same function: what that works on, such as a connection, has no copy."""
-        return ThreadState(self.function, self.outcomes, input_keys=self.input_keys, output_keys=self.output_keys)
+        return replace(self)
 
     def execution(self, path: str, data: dict[str, Any], remapping: Mapping[str, str], owner: Endpoint) -> Execution:
         """Return one execution."""
@@ -116,7 +112,7 @@ class ThreadCalls(Loop):
             TaskError: it returned something else than text, perhaps with a dict.
             UnknownNameError: that is not an outcome of the state.
         """
-        self.idle_until_s = math.inf
+        self.next_tick_at_s = NEVER_S
         page = self.parent.get_page(f"{self.name}.call")
         if page is None or page.data[0] == self._number:
             return

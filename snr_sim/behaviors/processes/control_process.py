@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Mapping, Sequence
 from types import GeneratorType
 from typing import Any, Literal
 
 from snr_sim.behaviors.flow.waits import Wait, wait
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loop import NEVER_S, Loop, LoopFactory
 from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, ParameterError, TaskError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import DataKey, Page, Task
 
-_ROUNDING_S = 1e-9
+ROUNDING_S = 1e-9
 _ANSWER_S = 1.0  # how much longer than a movement its server may take to answer
 
 
@@ -178,9 +177,14 @@ class ControlProcess(Loop):
         page = self.parent.get_page(self.factory.of)
         if page is not None:
             self._look_at(page.data)
-        is_running = self._state is not None and not self._has_ended and not self._is_crashed
-        waits_until_s = 0.0 if self._generator is None else self._until_s
-        self.idle_until_s = waits_until_s if is_running else math.inf
+        period_s = 1.0 / self.max_tick_rate_hz if self.max_tick_rate_hz else 0.0
+        is_waiting = self._generator is not None and self._until_s > self.get_time_s() + period_s
+        if not self.parent.is_in_lock_step:  # there it costs nothing to keep the rate, and recorded runs did
+            self.next_tick_at_s = NEVER_S if not self._is_running else self._until_s if is_waiting else None
+
+    @property
+    def _is_running(self) -> bool:
+        return self._state is not None and not self._has_ended and not self._is_crashed
 
     def _look_at(self, data: Mapping[str, Any]) -> None:
         leave = data["leaving"].get(self.name, 0)
@@ -197,7 +201,7 @@ class ControlProcess(Loop):
 
     def _follow(self, data: Mapping[str, Any], leave: int) -> None:
         epoch, phase, is_attached = data["epoch"], data["phase"], self.name in data["attached"]
-        is_running = self._state is not None and not self._has_ended
+        is_running = self._is_running
         if is_running and (phase != "running" or epoch != self._epoch or not is_attached):
             if not self._may_end():
                 return
@@ -226,7 +230,7 @@ class ControlProcess(Loop):
 
     def _run(self) -> None:
         """Call `run_state`, or continue it if its wait is over."""
-        state, now_s = self._state, self.get_time_s()
+        state = self._state
         assert state is not None
         if self._generator is None:
             made = state.run_state()
@@ -234,7 +238,7 @@ class ControlProcess(Loop):
                 state.turns += 1
                 return
             self._generator = made
-        elif now_s < self._until_s - _ROUNDING_S:
+        elif self.get_time_s() < self._until_s - ROUNDING_S:
             return
         try:
             self._wait_for(next(self._generator))
@@ -250,7 +254,7 @@ class ControlProcess(Loop):
 
     def _may_end(self) -> bool:
         """Return whether it is not in a wait that cannot be given up."""
-        is_over = self._generator is None or self.get_time_s() >= self._until_s - _ROUNDING_S
+        is_over = self._generator is None or self.get_time_s() >= self._until_s - ROUNDING_S
         return is_over or not self._is_uninterrupted
 
     def _end(self) -> None:
@@ -284,5 +288,5 @@ class ControlProcess(Loop):
 
     def halt(self) -> None:
         """End the state."""
-        if self._state is not None and not self._has_ended and not self._is_crashed:
+        if self._is_running:
             self._end()

@@ -19,7 +19,6 @@ Source: Kooi (2018), sections 7.3 to 7.6. There the service of events has one sl
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, NoReturn, TypeAlias, get_args
@@ -28,13 +27,16 @@ import msgspec
 
 from snr_sim.behaviors.context import NS_PER_S
 from snr_sim.behaviors.endpoint import StepLoop, StepLoopFactory
+from snr_sim.behaviors.flow.event_state import EventState
+from snr_sim.behaviors.flow.flow import Flow
 from snr_sim.behaviors.flow.userdata import check_known
 from snr_sim.behaviors.interpreter import Interpreter
-from snr_sim.behaviors.processes.control_process import ControlProcess, ControlProcessFactory
+from snr_sim.behaviors.processes.control_process import ROUNDING_S, ControlProcess, ControlProcessFactory
 from snr_sim.behaviors.program import Program
 from snr_sim.behaviors.tables import machine, on, state
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.factory import ComponentFactory
+from snr_sim.core.loop import NEVER_S
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
@@ -42,13 +44,12 @@ from snr_sim.prelude.task import DataKey, SomeTasks, Task, TaskId, TaskType
 
 OnStuck: TypeAlias = Literal["fail", "detach", "failsafe"]
 States: TypeAlias = Mapping[str, Mapping[str, str]]  # from each state by event to the next
-_ROUNDING_S = 1e-9
 NOOP = "NOOP"  # an event without effect, as in Kooi's program
 HANDLED = ("publish", "ended", "left", "crashed", "attach", "detach", "stop", "step")  # events, besides those of states
 
 
 def reference_parts(
-    states: States | Program,
+    states: States | Program | Flow,
     initial: str = "",
     name: str = "reference",
     *,
@@ -84,11 +85,12 @@ class ReferenceClock(StepLoop):
         """Schedule a step at most once a period; the page of the machine decides whether more are needed."""
         now_s = self.get_time_s()
         if now_s >= self._next_s:
-            self._next_s = now_s + 1.0 / self.max_tick_rate_hz - _ROUNDING_S
+            self._next_s = now_s + 1.0 / self.max_tick_rate_hz - ROUNDING_S
             super().loop()
         page = self.parent.get_page(self.factory.name)
         is_waiting = page is not None and page.data["phase"] == "ending"
-        self.idle_until_s = 0.0 if is_waiting else math.inf
+        if not self.parent.is_in_lock_step:  # see `ControlProcess.loop`
+            self.next_tick_at_s = None if is_waiting else NEVER_S
 
 
 class ReferenceFactory(EndpointFactory):
@@ -96,8 +98,9 @@ class ReferenceFactory(EndpointFactory):
 
     Args:
         states: for each state, the state that follows each event; or a program of one machine, by `machine(...)` or
-            `parse(...)`, whose transitions wait for events alone.
-        initial: in which it begins; that of the program, or the first, if not given.
+            `parse(...)`, whose transitions wait for events alone; or a flow of `EventState`s, whose own outcomes are
+            states, too, that nothing leaves.
+        initial: in which it begins; that of the program or flow, or the first, if not given.
         name: of the component, of its page, and the beginning of its events' names.
         observers: names of the control processes that it waits for.
         stop_timeout_s: how long a control process may take to end a state.
@@ -106,13 +109,13 @@ class ReferenceFactory(EndpointFactory):
 
     Raises:
         ProgramError: a state that is named does not exist.
-        ConfigError: the program has more than states and events.
+        ConfigError: the program or flow has more than states and events.
         ParameterError: the time is not positive, the policy is unknown, or an observer is named twice.
     """
 
     def __init__(
         self,
-        states: States | Program,
+        states: States | Program | Flow,
         initial: str = "",
         name: str = "reference",
         *,
@@ -130,6 +133,8 @@ class ReferenceFactory(EndpointFactory):
         if isinstance(states, Program):
             program, states = states, _states_of(states)
             initial = initial or program.spawns[0].initial
+        elif isinstance(states, Flow):
+            initial, states = initial or states.initial, _states_of_flow(states)
         initial = initial or next(iter(states), "")
         rows = [state(one, *(on(event, to=target) for event, target in then.items())) for one, then in states.items()]
         self.program = machine(name, initial, rows)
@@ -171,6 +176,25 @@ def _states_of(program: Program) -> States:
         one.name: {str(arrow.signal): arrow.target for arrow in reversed(list(machines[0].transitions_of(one.name)))}
         for one in states
     }
+
+
+def _states_of_flow(flow: Flow) -> States:
+    """Return the states and events of a flow, and its outcomes as states.
+
+    Raises:
+        ConfigError: a state does work, or is a container; or the flow cannot run.
+    """
+    flow.check(flow.name)
+    found: dict[str, dict[str, str]] = {}
+    for label, one in flow.children().items():
+        if not isinstance(one, EventState):
+            raise ConfigError(
+                f"State '{label}' of flow '{flow.name}' is a {type(one).__name__}; a reference machine only has states "
+                "that wait for events.",
+                fix="EventState('FOUND', 'LOST'); let the states of a control process do the work.",
+            )
+        found[label] = {event: flow.target(label, event) for event in one.outcomes}
+    return found | {target: {} for then in found.values() for target in then.values() if target not in found}
 
 
 class _Event(NamedTuple):
