@@ -368,6 +368,96 @@ def test_keyboard_reaches_why_and_run_buttons(start: Callable[[str], str], open_
     wait_for(lambda: page.locator("#status").inner_text() == "live")
 
 
+def test_edits_are_tried_in_a_simulation_before_they_are_committed(start: Callable[[str], str], open_page: Any) -> None:
+    page = open_page(start(BLINKER))
+    page.keyboard.press("Alt+t")
+    put_cursor_in(page, "(ontime 1000 dark", ")")
+    page.keyboard.type(" xx yy")
+    page.locator(".cm-lint-marker-error").wait_for()  # it is checked
+    for _ in " xx yy":
+        page.keyboard.press("Backspace")
+    page.locator(".cm-lint-marker-error").wait_for(state="detached")
+    page.keyboard.press("Home")
+    for _ in range(len("  (ontime 1000") - 2):
+        page.keyboard.press("ArrowRight")
+    page.keyboard.press("Backspace")  # 100 ms
+    assert "(ontime 100 dark -> lit)" in program(page)
+    wait_for(lambda: shown_s(page) > 2.2)
+    page.keyboard.press("Alt+r")
+    lists = page.locator("#rehearsed ol")
+    lists.first.wait_for()
+    without, edited = (one.locator("li").all_inner_texts() for one in lists.all())
+    assert 9 <= len(without) <= 10
+    assert 17 <= len(edited) <= 20
+    assert page.locator("#rehearsed .first").count() == 2
+    assert page.evaluate("document.body.dataset.program") == "1"
+    page.keyboard.press("Alt+c")
+    wait_for(lambda: page.evaluate("document.body.dataset.program") == "2")
+    assert page.locator("#trial").is_hidden()
+
+
+def test_text_that_is_tried_survives_a_reload_and_can_be_discarded(start: Callable[[str], str], open_page: Any) -> None:
+    page = open_page(start(BLINKER))
+    page.get_by_role("button", name="Try").click()
+    put_cursor_in(page, NEAR_CM)
+    page.keyboard.type("0")
+    page.reload()
+    wait_for(lambda: "[250]" in program(page))
+    wait_for(lambda: page.locator("#trial").is_visible())
+    before_s = shown_s(page)
+    wait_for(lambda: shown_s(page) > before_s + 0.5)
+    assert value(page, "near_cm") == "25"
+    page.get_by_role("button", name="Discard").click()
+    assert page.locator("#trial").is_hidden()
+    assert program(page) == BLINKER
+    assert page.evaluate("document.body.dataset.program") == "1"
+
+
+IMPORTED = """\
+(export winks)
+(machine winks
+  (state open)
+  (state shut)
+  (ontime 500 open -> shut)
+  (ontime 500 shut -> open))
+"""
+
+
+def test_imported_file_is_edited_with_its_mistakes_counts_and_undo(
+    tmp_path: Path, start: Callable[[str], str], open_page: Any
+) -> None:
+    (tmp_path / "winks.lrp").write_text(IMPORTED)
+    main = f'(import "winks.lrp")\n{BLINKER}(spawn winks open)\n'
+    page = open_page(start(main))
+    file = page.get_by_label("File")
+    wait_for(lambda: page.locator("#diagram .state").count() == 5)
+    file.select_option("winks.lrp")
+    wait_for(lambda: program(page) == IMPORTED)
+    wait_for(lambda: page.locator(".cm-counts .cm-gutterElement", has_text="×").count() >= 2)
+    put_cursor_in(page, "(ontime 500 open", ")")
+    page.keyboard.type("t")
+    page.locator(".cm-lint-marker-error").wait_for()
+    assert page.locator("#problems").inner_text().startswith("line 5 There is no state 'shutt' here.")
+    file.select_option("")
+    assert "does not run" in page.locator("#message").inner_text()
+    wait_for(lambda: file.input_value() == "winks.lrp")
+    page.keyboard.press("Backspace")
+    page.locator(".cm-lint-marker-error").wait_for(state="detached")
+    page.locator(".cm-line", has_text="(ontime 500 open").click()
+    page.keyboard.press("Home")
+    for _ in "  (ontime 5":
+        page.keyboard.press("ArrowRight")
+    page.keyboard.type("0")  # 5000 ms
+    wait_for(lambda: page.evaluate("document.body.dataset.program") == "2")
+    file.select_option("")
+    wait_for(lambda: program(page) == main)
+    page.get_by_role("button", name="Undo").click()
+    wait_for(lambda: page.evaluate("document.body.dataset.program") == "3")
+    page.locator("#diagram .name", has_text="shut").click()
+    wait_for(lambda: program(page) == IMPORTED)
+    assert file.input_value() == "winks.lrp"
+
+
 def test_recorded_run_is_shown_at_any_moment(
     tmp_path: Path, start: Callable[..., str], open_page: Any, running: Any
 ) -> None:

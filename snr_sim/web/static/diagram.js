@@ -12,7 +12,7 @@ export class Diagram {
   states = new Map();
   arrows = [];
 
-  /** `onState` is called with a line, `onTransition` with a transition. */
+  /** `onState` is called with a line and the file it is in, `onTransition` with a transition. */
   constructor(container, parts) {
     Object.assign(this, { container, ...parts });
     this.worker = new Worker(new URL("layout.js", import.meta.url), { type: "module" });
@@ -81,7 +81,7 @@ export class Diagram {
     const kind = isReached.has(name) ? "state" : "state unreachable";
     const group = this.button(
       { class: kind, "data-key": key, transform: `translate(${x},${y})` },
-      () => this.onState(state.line),
+      () => this.onState(state.line, machine.file),
       draw("rect", { width, height, rx: 10, class: "box" }),
       draw("path", { d: "M8,8l9,5.5l-9,5.5z", class: "mark" }),
       draw("text", { x: 22, y: 18, class: "name" }, name),

@@ -117,8 +117,16 @@ export class Editor {
 
   begin(isReadOnly) {
     this.showPast(null);
-    if (isReadOnly !== this.isReadOnly) this.view.setState(this.newState(this.text, isReadOnly));
+    if (isReadOnly === this.isReadOnly) return;
     this.isReadOnly = isReadOnly;
+    this.open(this.text);
+  }
+
+  /** Edit another text, without what could be undone in this one. */
+  open(text) {
+    this.showPast(null);
+    this.view.setState(this.newState(text, this.isReadOnly));
+    this.marked = "";
   }
 
   /** Change only what differs, so that the cursor stays where it is. */
