@@ -65,7 +65,7 @@ def rehearse(
         ahead_s: how long from then on.
 
     Raises:
-        ParameterError: the run was no simulation, does not repeat, or the text has mistakes.
+        ParameterError: the run was not simulated, does not repeat, or the text has mistakes.
     """
     request = request_of(trace.trace_info, trace.header)
     if trace.header.clock != "sim":

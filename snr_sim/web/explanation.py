@@ -22,7 +22,7 @@ from snr_sim.web.moments import moment_of
 
 TIMEOUT_S = 120.0
 _MAX_ROWS = 500
-_PROGRAM = "_.lrp"  # beside the files that it imports
+_PROGRAM = "_.lrp"  # in the folder of the files that it imports
 FoundT = TypeVar("FoundT")
 
 

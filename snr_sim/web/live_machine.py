@@ -212,7 +212,7 @@ class LiveMachine:
             )
         text, files = self.with_text(asked)
         found = self._mistakes(asked, text, files)
-        if asked.is_trial or any(one.is_error for one in found):
+        if asked.is_tried or any(one.is_error for one in found):
             current = self._programs[self._number]
             problems = [_mistake(one) for one in found]
             number, sha256 = current.number, current.sha256
@@ -245,7 +245,7 @@ class LiveMachine:
             if asked.file and is_whole:  # the places are in the program that imports it
                 return [replace(one, place=lrp.Place()) for one in error.problems]
             return error.problems
-        return list(warnings) if asked.is_trial and not asked.file else []
+        return list(warnings) if asked.is_tried and not asked.file else []
 
     def _send_edit(self, edit: _Edit, base_sha256: str, files: Mapping[str, str] | None) -> None:
         if len(self._unanswered) >= MAX_UNANSWERED:

@@ -367,14 +367,14 @@ class Edit(_Message, frozen=True, tag="edit"):
         text: of the whole program, or of the file.
         base_sha256: of the program that was edited. If another edit came first, this one is refused.
         file: that the program imports; empty: the program itself.
-        is_trial: whether it is only checked: the answer has its mistakes, and nothing changes.
+        is_tried: whether it is only checked: the answer has its mistakes, and nothing changes.
     """
 
     number: Count
     text: Text
     base_sha256: Sha256
     file: Name = ""
-    is_trial: bool = False
+    is_tried: bool = False
 
 
 class Try(_Message, frozen=True, tag="try"):

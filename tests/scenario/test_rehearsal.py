@@ -66,7 +66,7 @@ def test_program_of_the_run_does_what_is_recorded(trace: Trace) -> None:
     assert len(found.unchanged.changes) > 8
 
 
-def test_what_came_after_the_moment_does_not_come(trace: Trace) -> None:
+def test_input_after_the_moment_does_not_come(trace: Trace) -> None:
     found = rehearse(trace, FARTHER, {"winks.lrp": WINKS}, 0.6)
     assert [one["machine"] for one in found.unchanged.changes if one["machine"] != "winks"] == []
     assert found.unchanged.end == "stopped after 1.14 s"  # it had been halted, and stays so

@@ -15,6 +15,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from snr_sim.web.explanation import TIMEOUT_S
+
 pytestmark = [pytest.mark.slow, pytest.mark.unmeasured]
 PACKAGES = "chromium"
 # What would otherwise ask other hosts, and what needs a screen.
@@ -24,6 +26,7 @@ FLAGS = [
 ]
 LAPTOP, TABLET = (1280, 800), (1024, 768)
 WAIT_S = 20.0  # of what takes some milliseconds, on a computer that does much else
+ANSWER_MS = 1000.0 * TIMEOUT_S  # of a process that executes the run again: 2 s of CPU time
 # Dark from 1 s to 2 s, from 3 s to 4 s, and so on; `turns` counts its entries. It reads no sensor.
 BLINKER = """\
 (var near_cm := [25])
@@ -355,7 +358,7 @@ def test_keyboard_reaches_why_and_run_buttons(start: Callable[[str], str], open_
     labels = "document.activeElement.getAttribute('aria-label') ?? ''"
     wait_for(lambda: page.keyboard.press("ArrowRight") or "from lit to dark" in page.evaluate(labels))
     page.keyboard.press("Enter")
-    page.locator("#why-rows", has_text="looked at").wait_for()
+    page.locator("#why-rows", has_text="looked at").wait_for(timeout=ANSWER_MS)
     assert "lit->dark" in page.locator("#why-title").inner_text()
     assert "1.00 s" in page.locator("#why-moments").inner_text()
     page.keyboard.press("Escape")
@@ -385,7 +388,7 @@ def test_edits_are_tried_in_a_simulation_before_they_are_committed(start: Callab
     wait_for(lambda: shown_s(page) > 2.2)
     page.keyboard.press("Alt+r")
     lists = page.locator("#rehearsed ol")
-    lists.first.wait_for()
+    lists.first.wait_for(timeout=ANSWER_MS)
     without, edited = (one.locator("li").all_inner_texts() for one in lists.all())
     assert 9 <= len(without) <= 10
     assert 17 <= len(edited) <= 20

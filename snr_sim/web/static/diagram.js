@@ -4,7 +4,6 @@ import { draw, seconds, setText } from "./dom.js";
 import { allMachines, keysOfChange, reachable, transitionsOf } from "./program.js";
 
 const [MIN_SCALE, MAX_SCALE] = [0.62, 1.5]; // smaller text is not readable: the diagram scrolls instead
-const COPIED = ["fill", "stroke", "stroke-width", "stroke-dasharray", "font", "text-anchor", "opacity", "display"];
 
 export class Diagram {
   program = { graph: [], number: 0 };
@@ -186,19 +185,6 @@ export class Diagram {
     const isToggle = "+-".includes(event.key);
     const chosen = isToggle ? items[now].querySelector(":scope > .toggle") : items[now];
     chosen?.dispatchEvent(new MouseEvent("click", { bubbles: true }));
-  }
-
-  /** Return the drawing as the text of a file: colours are written into it, so that any program shows them. */
-  picture() {
-    const copy = this.svg.cloneNode(true);
-    const originals = this.svg.querySelectorAll("*");
-    copy.querySelectorAll("*").forEach((one, i) => {
-      const style = getComputedStyle(originals[i]);
-      for (const name of COPIED) one.style.setProperty(name, style.getPropertyValue(name));
-      one.removeAttribute("class");
-    });
-    copy.style.background = getComputedStyle(document.body).backgroundColor;
-    return new XMLSerializer().serializeToString(copy);
   }
 }
 

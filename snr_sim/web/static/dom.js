@@ -25,11 +25,9 @@ function fill(element, attributes = {}, ...children) {
   return element;
 }
 
-/** Offer a file to be saved. */
-export function save(name, text, type) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([text], { type }));
-  link.download = name;
+/** Offer a text to be saved as a file. */
+export function save(name, text) {
+  const link = make("a", { download: name, href: URL.createObjectURL(new Blob([text], { type: "text/plain" })) });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }

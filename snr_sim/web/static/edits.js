@@ -64,8 +64,8 @@ export class Edits {
 
   sendNow() {
     if (!this.isAllowed || this.inFlight || this.other) return;
-    const { file, isHeld: is_trial, editor: { text } } = this;
-    const edit = { number: this.number + 1, text, base_sha256: this.base.sha256, file, is_trial };
+    const { file, isHeld: is_tried, editor: { text } } = this;
+    const edit = { number: this.number + 1, text, base_sha256: this.base.sha256, file, is_tried };
     if (!this.isDirty) this.problems.show({ ofText: [] });
     else if (this.send(edit)) Object.assign(this, { inFlight: edit, number: edit.number });
   }
@@ -81,11 +81,11 @@ export class Edits {
   onEdited({ number, ok, is_stale, sha256, text, files, problems }) {
     if (number === null && ok) this.take({ text, files, sha256 }, problems);
     if (number !== this.inFlight?.number) return;
-    const { text: sent, file, is_trial } = this.inFlight;
+    const { text: sent, file, is_tried } = this.inFlight;
     this.inFlight = null;
     if (ok) this.base = { ...withText(this.base, file, sent), sha256 };
     if (is_stale) this.conflict({ text, files, sha256 });
-    else if (this.editor.text === sent && is_trial === this.isHeld) this.problems.show({ ofText: problems });
+    else if (this.editor.text === sent && is_tried === this.isHeld) this.problems.show({ ofText: problems });
     else this.sendNow();
   }
 
@@ -99,7 +99,7 @@ export class Edits {
   onProgram(program) {
     if (program.sha256 === this.base.sha256) this.base = program; // other files may be imported
     // An edit in flight is answered, by success or by what came first.
-    else if (this.inFlight && !this.inFlight.is_trial) return;
+    else if (this.inFlight && !this.inFlight.is_tried) return;
     else if (this.isDirty) this.conflict(program);
     else this.take(program);
   }

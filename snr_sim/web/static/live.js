@@ -49,10 +49,7 @@ class Page {
       onState: (line, file) => this.openFile(file) && this.editor.goTo(line, true),
       onTransition: (transition) => this.openWhy(transition),
     });
-    this.values = new Values(
-      { variables: part("variables"), reads: part("reads"), drives: part("drives") },
-      { set: (path, value) => send("set", { path, value }), reject: (text) => this.say(text) },
-    );
+    this.values = new Values((path, value) => send("set", { path, value }), (text) => this.say(text));
     this.connectButtons();
     this.connection = new Connection((message) => this.receive(message), (status) => this.onStatus(status));
     addEventListener("pagehide", () => this.keepPlace());
@@ -60,16 +57,18 @@ class Page {
 
   connectButtons() {
     const act = (what) => this.connection.send("do", { what });
-    const saveAs = (ending, text, type = "text/plain") => save(`${this.hello.name}.${ending}`, text, type);
     const actions = {
       pause: () => act("pause"),
       go: () => act("go"),
       step: () => act("step"),
       undo: () => this.edits.undo() && act("undo"),
+      try: () => this.edits.hold(!this.edits.isHeld),
+      rehearse: () => this.trial.rehearse(),
+      commit: () => this.edits.hold(false),
+      discard: () => this.trial.discard(),
       theirs: () => this.edits.resolve(false),
       ours: () => this.edits.resolve(true),
-      save: () => saveAs("lrp", this.editor.view.state.doc.toString()),
-      picture: () => saveAs("svg", this.diagram.picture(), "image/svg+xml"),
+      save: () => save(this.edits.file || `${this.hello.name}.lrp`, this.editor.view.state.doc.toString()),
     };
     for (const [id, action] of Object.entries(actions)) part(id).addEventListener("click", action);
     part("file").addEventListener("change", ({ target }) => this.openFile(target.value));
@@ -85,7 +84,7 @@ class Page {
   receive(message) {
     const asked = { why: this.why, tried: this.trial }[message.kind];
     if (asked) asked.onAnswer(message);
-    else this[`on${message.kind[0].toUpperCase()}${message.kind.slice(1)}`](message);
+    else this[`on${message.kind[0].toUpperCase()}${message.kind.slice(1)}`]?.(message);
   }
 
   onHello(message) {
@@ -137,7 +136,7 @@ class Page {
   onRefused({ message, reason }) {
     this.say(reason);
     if (message === "edit") this.edits.onRefused();
-    else if (message === "try") this.trial.onRefused(reason);
+    else if (message === "try") this.trial.onAnswer({ error: reason });
     else if (message === "show") this.onAnswered();
   }
 

@@ -8,13 +8,12 @@ export class Try {
   /** `edits` holds the text back; `ask` sends the question; `now_s` returns what is shown. */
   constructor(edits, { ask, now_s }) {
     Object.assign(this, { edits, ask, now_s });
-    const actions = {
-      try: () => this.edits.hold(!this.edits.isHeld),
-      rehearse: () => this.rehearse(),
-      commit: () => this.edits.hold(false),
-      discard: () => this.edits.undo() || this.edits.hold(false),
-    };
-    for (const [id, action] of Object.entries(actions)) part(id).addEventListener("click", action);
+  }
+
+  /** Forget what was tried. */
+  discard() {
+    this.edits.undo();
+    this.edits.hold(false);
   }
 
   show(isHeld) {
@@ -30,16 +29,13 @@ export class Try {
   }
 
   onAnswer({ at_s, until_s, unchanged, edited, error }) {
+    if (error) return void (part("rehearsed").textContent = error);
     const rows = [unchanged, edited].map(rowsOf);
     const count = Math.max(...rows.map((one) => one.length));
     const first = [...Array(count).keys()].find((i) => rows[0][i] !== rows[1][i]);
     const found = `From ${seconds(at_s)} to ${seconds(until_s)}${first === undefined ? ": no difference" : ""}`;
     const lists = make("div", {}, list("without", rows[0], first), list("with this text", rows[1], first));
-    part("rehearsed").replaceChildren(...(error ? [error] : [found, lists]));
-  }
-
-  onRefused(reason) {
-    part("rehearsed").textContent = reason;
+    part("rehearsed").replaceChildren(found, lists);
   }
 }
 
