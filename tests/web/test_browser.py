@@ -533,6 +533,23 @@ def test_page_fits_the_screen(start: Callable[[str], str], open_page: Any, size:
         assert contrast(page, *pair.split()) >= 4.5, pair  # WCAG 2.2, 1.4.3
 
 
+LANDING = """\
+(machine landing
+  (state coasting (onentry [robot.throttle.stop()]))
+  (state burning (onentry [robot.throttle.start(1.0)]))
+  (on [robot.velocity_mps.read() is not None and robot.velocity_mps.read() < -900] coasting -> burning))
+(spawn landing coasting)
+"""
+
+
+def test_names_of_parts_with_long_units_are_whole(start: Callable[..., str], open_page: Any) -> None:
+    command = ("run", "lander_vertical", "--controller", "program.lrp", "--speed", "real", "--live")
+    page = open_page(start(LANDING, command), TABLET)
+    names = page.locator(":is(#reads, #drives) .name")
+    wait_for(lambda: {"velocity_mps", "throttle"} <= set(names.all_inner_texts()))
+    assert all(names.evaluate_all("all => all.map(one => one.clientWidth >= one.scrollWidth)"))
+
+
 def is_overlap(one: dict[str, float], other: dict[str, float]) -> bool:
     """Return whether two rectangles have a common area."""
     return all(

@@ -85,6 +85,7 @@ function showBar(row, value, unit, t_s, limit_s, word) {
   const number = Number.isFinite(value) ? `${Number(value.toPrecision(5))}` : asText(value);
   const hasUnit = unit && !/^\d/.test(unit); // "0 or 1" is none
   setText(row.output, value === null ? "—" : hasUnit ? `${number} ${unit}` : number);
+  row.output.title = unit ?? "";
   setText(row.age, isBeyond ? `${text} ${word}` : text);
   row.fill.style.width = `${limit_s ? Math.min(100, (100 * (t_s ?? 0)) / limit_s) : 0}%`;
   row.classList.toggle("beyond", isBeyond);
