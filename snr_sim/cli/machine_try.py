@@ -86,7 +86,8 @@ def rehearse_program(file: Path, run: Path, name: str, at_s: float, *, trust: bo
         return
     print_text(f"From {found.at_s:g} s to {found.until_s:g} s of the simulation, run again:")
     for what, course in (("with its own program", found.unchanged), (f"with {file}", found.edited)):
-        print_text(f"{what}: {len(course.changes)} changes of state")
+        count = len(course.changes)
+        print_text(f"{what}: {count} {'change' if count == 1 else 'changes'} of state")
         for line in [*map(_shown, course.changes), *([course.end] if course.end else [])]:
             print_text(f"    {line}")
 

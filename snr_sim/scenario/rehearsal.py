@@ -16,7 +16,7 @@ from typing import Any
 from snr_sim.behaviors.imports import files_named, why_not
 from snr_sim.behaviors.interpreter import NS_PER_S
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.task import Page, Task
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
@@ -65,21 +65,27 @@ def rehearse(
         ahead_s: how long from then on.
 
     Raises:
-        ParameterError: the run was not simulated, does not repeat, or the text has mistakes.
+        ParameterError: the run was not simulated, does not repeat, or the text has mistakes; or the moment is invalid.
+        UnknownNameError: it has no such machine.
     """
+    if not at_s >= 0.0:
+        raise ParameterError(f"A run has no moment {at_s:g} s.", fix="--at 12.")
     request = request_of(trace.trace_info, trace.header)
     if trace.header.clock != "sim":
         raise ParameterError(
             "This run has real devices or several processes, so it cannot be run again.", fix="try it on a simulation."
         )
     name = name or edits_of(trace).name
+    nodes = {one.component: one.node for one in trace.records if isinstance(one, LogLineRecord) and _is_text(one)}
+    if name not in nodes:
+        raise UnknownNameError(f"This run has no machine '{name}'.", fix=suggest(name, nodes))
     at_s = min(at_s, max((one.t for one in trace.records if isinstance(one, Executed | InputRecord)), default=0.0))
     until_s = at_s + ahead_s
     with TemporaryDirectory(prefix="snr-rehearsal-") as folder:
         first = replace(request, controller=_first_program(trace, name, Path(folder)) or request.controller)
         edit = tasks.event(f"{name}.edit", [text, "", dict(files)])
         (unchanged, end), (edited, end_of_edited) = (
-            _run(trace, first, name, at_s, until_s, brought, Path(folder)) for brought in ((), (edit,))
+            _run(trace, first, nodes[name], at_s, until_s, brought, Path(folder)) for brought in ((), (edit,))
         )
     at_ns = round(at_s * NS_PER_S)
     then, again = (
@@ -103,7 +109,7 @@ def _first_program(trace: Trace, name: str, folder: Path) -> str:
         return ""
     texts: dict[str, list[str]] = {}
     for one in trace.records:
-        if isinstance(one, LogLineRecord) and one.level == "PROGRAM" and f"{one.component} ".startswith(f"{name} "):
+        if isinstance(one, LogLineRecord) and _is_text(one) and f"{one.component} ".startswith(f"{name} "):
             texts.setdefault(one.component.removeprefix(name).lstrip() or controller.name, []).append(one.text)
     for file, lines in texts.items():
         if why_not(file, LRP):  # a trace may be of another user
@@ -116,13 +122,17 @@ def _first_program(trace: Trace, name: str, folder: Path) -> str:
     return str(folder / controller.name)
 
 
+def _is_text(line: LogLineRecord) -> bool:
+    return line.level == "PROGRAM"
+
+
 def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
 
 
 def _run(
-    trace: Trace, request: Request, name: str, at_s: float, until_s: float, edits: Sequence[Task], folder: Path
+    trace: Trace, request: Request, node: str, at_s: float, until_s: float, edits: Sequence[Task], folder: Path
 ) -> tuple[list[Record], str]:
     """Run with the inputs of a recorded run up to a moment, and then edits; return the records and the verdict."""
     simulation = prepare(request)
@@ -133,7 +143,6 @@ def _run(
     try:
         run = SimulationRun(simulation, plant, config, recorder)
         again = {component for node in run.nodes for component in node.components}  # which bring their inputs again
-        (node,) = {one.node for one in trace.records if isinstance(one, LogLineRecord) and one.component == name}
         for one in trace.records:
             if not isinstance(one, InputRecord) or one.t > at_s or one.type != "event":
                 continue

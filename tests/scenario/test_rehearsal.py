@@ -9,7 +9,7 @@ import pytest
 from msgspec import structs
 
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.errors import ParameterError, UnknownNameError
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.machine_edits import changes_of
@@ -96,6 +96,17 @@ def test_moment_after_the_recording_is_its_end(trace: Trace) -> None:
 def test_text_with_mistakes_is_refused_with_its_line(trace: Trace) -> None:
     with pytest.raises(ParameterError, match="Line 10: There is no state 'stoped' here"):
         rehearse(trace, PROGRAM.replace("halt forward -> stopped", "halt forward -> stoped"), {"winks.lrp": WINKS}, 1.0)
+
+
+@pytest.mark.parametrize("at_s", [-1.0, float("nan")])
+def test_moment_before_the_run_is_refused(trace: Trace, at_s: float) -> None:
+    with pytest.raises(ParameterError, match="A run has no moment"):
+        rehearse(trace, PROGRAM, {}, at_s)
+
+
+def test_unknown_machine_is_refused_with_the_names(trace: Trace) -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'dora'"):
+        rehearse(trace, PROGRAM, {}, 1.0, "dara")
 
 
 def test_run_on_the_wall_clock_is_refused(trace: Trace) -> None:
