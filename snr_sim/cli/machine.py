@@ -41,7 +41,7 @@ def machine(
     robot: Annotated[str, typer.Option(help="Of an LRP program: the robot whose parts it names.")] = "",
     machine_path: Annotated[str, typer.Option("--machine", help="Of why: path of a machine; all if not given.")] = "",
     target: Annotated[str, typer.Option("--to", help="Of why: only transitions to this state.")] = "",
-    at: Annotated[float | None, typer.Option(help="Of why: one moment [s].")] = None,
+    at: Annotated[float | None, typer.Option(help="Of try and why: one moment [s].")] = None,
     from_s: Annotated[float, typer.Option("--from", help="Of record and why: begin of the interval [s].")] = 0.0,
     until_s: Annotated[
         float, typer.Option("--until", help="Of record and why: its end [s]; of why that of the run if not given.")
@@ -68,13 +68,14 @@ def machine(
     again with them. diff prints which states, transitions and variables differ between two programs; with --with,
     between the program of a run and another one, when the first of them is evaluated in that run, and where the replay
     with the other program first differs. try runs a changed program on the inputs of a recorded run: where its changes
-    of state begin to differ, and which states it visits. It is a rehearsal: the recorded readings do not answer it.
-    Without a run, it tries random signals, readings and times, and prints the shortest story after which a rule
-    (always ...) does not hold, as a test. lag prints how old readings were when machines decided, and how long
-    commands took. record prints a piece of a run as a Python test, which runs the program on the readings of that
-    piece and expects the recorded changes of state. why executes the run again and prints each transition that was
-    looked at, with the values of its condition: at one moment step by step, over an interval as a summary. view serves
-    a page that shows the machine at any moment of the run, as `snr run --live` does while it runs.
+    of state begin to differ, and which states it visits. The recorded readings do not answer it; with --at the run is
+    simulated again up to that moment, and 10 s further with the run's program and with the changed one. Without a run,
+    it tries random signals, readings and times, and prints the shortest story after which a rule (always ...) does not
+    hold, as a test. lag prints how old readings were when machines decided, and how long commands took. record prints a
+    piece of a run as a Python test, which runs the program on the readings of that piece and expects the recorded
+    changes of state. why executes the run again and prints each transition that was looked at, with the values of its
+    condition: at one moment step by step, over an interval as a summary. view serves a page that shows the machine at
+    any moment of the run, as `snr run --live` does while it runs.
 
     Exit status: 0; of check 1 if the program has mistakes, of explore 1 if something was found, of coverage 1 below
     --min, of diff 1 if there are differences, and 3 if the replay differs before any changed element is evaluated,
@@ -120,9 +121,12 @@ def machine(
         bridge = bridge_of_robot(robot) if robot else None
         try_stories(_program_in(file, name, robot), run, bridge, cases, is_strict=is_strict, as_json=as_json)
     elif what == "try":
-        from snr_sim.cli.machine_try import try_program
+        from snr_sim.cli.machine_try import rehearse_program, try_program
 
-        try_program(file, Path(other), trust=trust, as_json=as_json)
+        if at is None:
+            try_program(file, Path(other), trust=trust, as_json=as_json)
+        else:
+            rehearse_program(run, Path(other), name, at, trust=trust, as_json=as_json)
     elif what == "view":
         from snr_sim.cli.machine_view import view
 

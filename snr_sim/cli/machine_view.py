@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from snr_sim.cli.output import print_text
+from snr_sim.cli.stopping import signals_call
 from snr_sim.prelude.errors import SnrError
 
 if TYPE_CHECKING:
@@ -43,8 +44,11 @@ def view(run: Path, name: str, port: int, *, is_trusted: bool) -> None:
     with closing(machine), closing(listen(LOOPBACK, port, "The page")) as sock:
         access = Access(LOOPBACK, sock.getsockname()[1])
         print_text(f"Open {access.url}\nOnly this computer can reach it. Ctrl-C ends it.", flush=True)
-        with suppress(KeyboardInterrupt):
-            asyncio.run(serve([MachinePage(machine)], access, sock, asyncio.Event()))
+        ending = asyncio.Event()
+        with suppress(KeyboardInterrupt), asyncio.Runner() as runner:
+            loop = runner.get_loop()
+            with signals_call(lambda: loop.call_soon_threadsafe(ending.set)):
+                runner.run(serve([MachinePage(machine)], access, sock, ending))
 
 
 def _bridge_of(robot: str) -> Bridge | None:

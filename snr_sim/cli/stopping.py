@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 
 _STUCK_S = 2.0  # as in a run: see core/interrupts.py, which is slow to import
@@ -33,6 +35,30 @@ def end_by_default() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is _interrupt:
             signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
+def signals_call(function: Callable[[], object]) -> Iterator[None]:
+    """Let the first of these signals call a function, and not raise, while active.
+
+    For asyncio: an exception between two of its callbacks loses one of them, and the task behind it never ends.
+    """
+    numbers = [one for one in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(one) is _interrupt]
+
+    def on_signal(_number: int, _frame: FrameType | None) -> None:
+        restore()
+        function()
+
+    def restore() -> None:
+        for number in numbers:
+            signal.signal(number, _interrupt)
+
+    for number in numbers:
+        signal.signal(number, on_signal)
+    try:
+        yield
+    finally:
+        restore()
 
 
 def _interrupt(number: int, _frame: FrameType | None) -> None:

@@ -91,8 +91,13 @@ def digest_of_changes(records: list[Record]) -> str:
     """Return the digest of all changes of state in a run: when, in which machine, from where to where."""
     digest = hashlib.blake2b(digest_size=16)
     for change in changes_of(records):
-        digest.update(json.dumps([change[name] for name in _SAME]).encode() + b"\n")
+        digest.update(json.dumps(key_of_change(change)).encode() + b"\n")
     return digest.hexdigest()
+
+
+def key_of_change(change: dict[str, Any]) -> list[Any]:
+    """Return what is the same in two runs if a change is: when, in which machine, from where to where."""
+    return [change.get(name) for name in _SAME]  # a flow has no kind
 
 
 def changes_of(records: Iterable[Record]) -> Iterator[dict[str, Any]]:

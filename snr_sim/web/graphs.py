@@ -26,8 +26,13 @@ def graphs_of(text: str, files: Mapping[str, str] | None = None) -> list[Graph]:
         files: texts of the programs that it imports.
     """
     forms = read(text)[0]
-    machines = dict(_imported_machines(text, files or {}))
-    return _Drawing().spawned(_named(forms, "spawn"), {**machines, **_machines(forms)}, "", ())
+    found = {
+        **dict(_imported_machines(text, files or {})),
+        **{name: (one, "") for name, one in _machines(forms).items()},
+    }
+    machines = {name: form for name, (form, _) in found.items()}
+    drawing = _Drawing({id(form): file for form, file in found.values()})
+    return drawing.spawned(_named(forms, "spawn"), machines, "", (), "")
 
 
 def signals_in(text: str, files: Mapping[str, str] | None = None) -> list[str]:
@@ -42,37 +47,53 @@ def signals_in(text: str, files: Mapping[str, str] | None = None) -> list[str]:
     return sorted(found)
 
 
-def _imported_machines(text: str, files: Mapping[str, str]) -> Iterator[tuple[str, Form]]:
+def _imported_machines(text: str, files: Mapping[str, str]) -> Iterator[tuple[str, tuple[Form, str]]]:
+    """Yield name, form and file of each machine."""
     left, seen = [text], set[str]()
     while left:
         for name in files_named(left.pop())[0]:
             if name in files and name not in seen:
                 seen.add(name)
                 left.append(files[name])
-                yield from _machines(read(files[name])[0]).items()
+                for machine, form in _machines(read(files[name])[0]).items():
+                    yield machine, (form, name)
 
 
 class _Drawing:
-    """Makes graphs, and counts their states."""
+    """Makes graphs, and counts their states.
 
-    def __init__(self) -> None:
+    Args:
+        files: that declare machines which are in no other one, by the id of their forms.
+    """
+
+    def __init__(self, files: Mapping[int, str]) -> None:
         self._states = 0
+        self._files = files
 
     def spawned(
-        self, spawns: Iterable[Form], machines: Mapping[str, Form], above: str, inside: tuple[str, ...]
+        self, spawns: Iterable[Form], machines: Mapping[str, Form], above: str, inside: tuple[str, ...], file: str
     ) -> list[Graph]:
-        """Return the graphs of `spawn` forms; `inside` names the machines around."""
+        """Return the graphs of `spawn` forms; `inside` names the machines around, in `file` the spawns are."""
         made, count = list[Graph](), dict[str, int]()
         for form in spawns:
             match form.items:
                 case (_, Word(name), Word(initial), *_) if name in machines and name not in inside:
                     count[name] = count.get(name, 0) + 1
                     unique = name if count[name] == 1 else f"{name}#{count[name]}"
-                    made.append(self._graph(machines[name], above + unique, unique, initial, machines, inside))
+                    form = machines[name]
+                    declared = self._files.get(id(form), file)
+                    made.append(self._graph(form, above + unique, unique, initial, machines, inside, declared))
         return made
 
     def _graph(
-        self, form: Form, path: str, name: str, initial: str, machines: Mapping[str, Form], inside: tuple[str, ...]
+        self,
+        form: Form,
+        path: str,
+        name: str,
+        initial: str,
+        machines: Mapping[str, Form],
+        inside: tuple[str, ...],
+        file: str,
     ) -> Graph:
         states = []
         for one in _named(form.items, "state"):
@@ -84,10 +105,10 @@ class _Drawing:
                     entries = [row for entry in _named(one.items, "onentry") for row in _named(entry.items, "spawn")]
                     known = {**machines, **_machines(one.items)}
                     around = (*inside, name.partition("#")[0])
-                    nested = self.spawned(entries, known, f"{path}/{state}/", around)
+                    nested = self.spawned(entries, known, f"{path}/{state}/", around, file)
                     states.append(GraphState(state, one.place.line, nested))
         arrows = [arrow for one in form.items if isinstance(one, Form) for arrow in _arrows(one)]
-        return Graph(path, name, initial, form.place.line, states, arrows)
+        return Graph(path, name, initial, file, form.place.line, states, arrows)
 
 
 def _arrows(form: Form) -> Iterator[Arrow]:

@@ -10,12 +10,13 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from snr_sim.behaviors import program as lrp
 from snr_sim.behaviors.context import plain_value
 from snr_sim.behaviors.endpoint import EditAnswer, MachineEndpoint
 from snr_sim.behaviors.interpreter import NS_PER_S
@@ -26,7 +27,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.web.explanation import Explanations
-from snr_sim.web.messages import By, Edited, Hello, HungUpError, Problem, Program, Rights, State
+from snr_sim.web.messages import By, Edit, Edited, Hello, HungUpError, Problem, Program, Rights, State, Try
 from snr_sim.web.moments import MAX_MOMENTS, Moments, moment_of
 from snr_sim.web.readings import commands_of, parts_of, readings_of, shown
 from snr_sim.web.timeline import PAGE_SOURCE, RecordedTimeline, program_of
@@ -39,7 +40,7 @@ _EVENTS = {"pause": "pause", "go": "go", "step": "step_once"}
 
 @dataclass
 class _Edit:
-    """An edit that the node has not answered."""
+    """An edit that the node has not answered; `text` is that of the whole program."""
 
     text: str
     number: int | None  # None: an undo
@@ -65,7 +66,7 @@ class LiveMachine:
         self.explanations: Explanations = Explanations(folder, is_trusted=True)
         self._timeline: RecordedTimeline | None = None
         self._unanswered: deque[_Edit] = deque()
-        self._undo: deque[str] = deque(maxlen=MAX_PROGRAMS)
+        self._undo: deque[Program] = deque(maxlen=MAX_PROGRAMS)
         self.generation: int = 0  # counts how often its component was replaced: programs are then numbered from 1 again
         self._seen = self._endpoint
         self._begin()
@@ -109,7 +110,7 @@ class LiveMachine:
 
     def _take_answer(self, number: int, answered: EditAnswer) -> None:
         edit = next((one for one in self._unanswered if one.text == answered.text), None)
-        before = self._programs[self._number].text
+        before = self._programs[self._number]
         if answered.answer["ok"]:
             by: By = "elsewhere" if edit is None else "page"
             self._programs[number] = self._shown_program(number, answered.program, by, answered.t_s)
@@ -122,9 +123,9 @@ class LiveMachine:
                 del self._programs[min(self._programs)]
         if edit is not None:
             self._unanswered.remove(edit)
-            edit.answer(self._edited(edit, answered.answer))
+            edit.answer(self._edited(edit, answered.answer, answered.program.files))
 
-    def _edited(self, edit: _Edit, answer: Mapping[str, Any]) -> Edited:
+    def _edited(self, edit: _Edit, answer: Mapping[str, Any], files: Mapping[str, str]) -> Edited:
         is_stale = "text" in answer
         text = answer["text"] if is_stale else edit.text if edit.number is None else None
         problems = [Problem(**{"is_error": not answer["ok"], **one}) for one in answer["problems"]]
@@ -136,6 +137,7 @@ class LiveMachine:
             program=answer["program"],
             sha256=answer["sha256"],
             text=text,
+            files=None if text is None else dict(files),
             problems=problems,
             **lists,
         )
@@ -202,29 +204,59 @@ class LiveMachine:
 
     # -- what pages change --------------------------------------------------------------------------------------------
 
-    def edit(self, number: int | None, text: str, base_sha256: str, answer: Callable[[Edited], None]) -> None:
+    def edit(self, asked: Edit, answer: Callable[[Edited], None]) -> None:
         """Continue with another text. One with mistakes is answered here, and does not enter the node."""
-        endpoint = self._endpoint
         if not self._is_text:
             raise ParameterError(
                 "This machine is made in Python.", fix="edit its file: snr run ... --watch reloads it."
             )
-        try:
-            self._parse(text, endpoint.interpreter.program.files)  # the node finds it finished
-        except ProgramError as error:
+        text, files = self.with_text(asked)
+        found = self._mistakes(asked, text, files)
+        if asked.is_tried or any(one.is_error for one in found):
             current = self._programs[self._number]
-            problems = [_mistake(one) for one in error.problems]
-            answer(Edited(number, False, False, current.number, current.sha256, None, problems, [], [], [], []))
+            problems = [_mistake(one) for one in found]
+            number, sha256 = current.number, current.sha256
+            answer(Edited(asked.number, False, False, number, sha256, None, None, problems, [], [], [], []))
             return
+        self._send_edit(_Edit(text, asked.number, answer), asked.base_sha256, files if asked.file else None)
+
+    def with_text(self, asked: Edit | Try) -> tuple[str, dict[str, str]]:
+        """Return the program with another text, and the files that it imports.
+
+        Raises:
+            UnknownNameError: it imports no such file.
+        """
+        now = self._endpoint.interpreter.program
+        if not asked.file:
+            return asked.text, dict(now.files)
+        if asked.file not in now.files:
+            raise UnknownNameError(f"The program imports no file '{asked.file}'.", fix=suggest(asked.file, now.files))
+        return now.text, {**now.files, asked.file: asked.text}
+
+    def _mistakes(self, asked: Edit, text: str, files: Mapping[str, str]) -> list[lrp.Problem]:
+        """Return what is wrong with an edit, at its places in the text that was edited."""
+        is_whole = False
+        try:
+            if asked.file:
+                self._parse(asked.text, files)
+            is_whole = True
+            warnings = self._parse(text, files).warnings  # the node finds it finished
+        except ProgramError as error:
+            if asked.file and is_whole:  # the places are in the program that imports it
+                return [replace(one, place=lrp.Place()) for one in error.problems]
+            return error.problems
+        return list(warnings) if asked.is_tried and not asked.file else []
+
+    def _send_edit(self, edit: _Edit, base_sha256: str, files: Mapping[str, str] | None) -> None:
         if len(self._unanswered) >= MAX_UNANSWERED:
             raise HungUpError(f"{MAX_UNANSWERED} edits wait for the robot's program.")
-        self._unanswered.append(_Edit(text, number, answer))
-        self._schedule("edit", text, base_sha256)
+        self._unanswered.append(edit)
+        self._schedule("edit", edit.text, base_sha256, *([] if files is None else [dict(files)]))
 
-    def _parse(self, text: str, files: Mapping[str, str]) -> None:
+    def _parse(self, text: str, files: Mapping[str, str]) -> lrp.Program:
         """Compile a program, as the endpoint will. Raise ProgramError if it has mistakes."""
         factory = self._endpoint.factory
-        parse(text, {} if factory.bridge is None else factory.bridge.parts, files, factory.program.actions)
+        return parse(text, {} if factory.bridge is None else factory.bridge.parts, files, factory.program.actions)
 
     def _can_parse(self, text: str, files: Mapping[str, str]) -> bool:
         try:
@@ -238,7 +270,10 @@ class LiveMachine:
         self.update(0.0)
         if not self._undo:
             raise ParameterError("There is no edit to undo.", fix="edit the text.")
-        self.edit(None, self._undo[-1], self._programs[self._number].sha256, answer)
+        before, now = self._undo[-1], self._programs[self._number]
+        self._parse(before.text, before.files)
+        files = before.files if before.files != now.files else None
+        self._send_edit(_Edit(before.text, None, answer), now.sha256, files)
 
     def set_value(self, path: str, value: Any) -> None:
         """Set a variable."""

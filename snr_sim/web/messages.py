@@ -88,12 +88,14 @@ class Graph(_Part, frozen=True):
     Args:
         path: as in `active`, such as "dora/looking/scan".
         initial: the state in which it begins.
+        file: that declares it, if it is imported; empty otherwise. All lines are of that text.
         transitions: in the order in which they are tried.
     """
 
     path: str
     name: str
     initial: str
+    file: str
     line: int
     states: list[GraphState]
     transitions: list[Arrow]
@@ -178,6 +180,13 @@ class WhyRow(_Part, frozen=True):
     errors: dict[str, int]
 
 
+class Course(_Part, frozen=True):
+    """What machines did in a simulation: changes of state, and the scenario's verdict; empty if it has not ended."""
+
+    changes: list[Moment]
+    end: str
+
+
 class _Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
     """A message."""
 
@@ -196,7 +205,7 @@ class Hello(_Message, frozen=True, tag="hello"):
         is_editable: whether Edit is possible: an LRP program, a run that continues, and the right to change.
         number: of the program that runs; the first one is 1.
         sha256, text: of that program.
-        files: texts of the programs that it imports, by the names of their files; for reading.
+        files: texts of the programs that it imports, by the names of their files.
         graph: its machines.
         parts: what its blocks can name.
         signals: names that it waits for.
@@ -278,7 +287,7 @@ class Edited(_Message, frozen=True, tag="edited"):
         is_stale: another edit came first: `text` and `sha256` are of that one.
         program: number of the program that runs now.
         sha256: of it.
-        text: of it, if the edit was stale or an undo; otherwise null.
+        text, files: of it, if the edit was stale or an undo; otherwise null.
         problems: mistakes, or warnings.
         notes: what may surprise.
         kept, restarted, stopped: paths of machines.
@@ -290,6 +299,7 @@ class Edited(_Message, frozen=True, tag="edited"):
     program: int
     sha256: str
     text: str | None
+    files: dict[str, str] | None
     problems: list[Problem]
     notes: list[str]
     kept: list[str]
@@ -306,6 +316,16 @@ class WhyAnswer(_Message, frozen=True, tag="why"):
     until_s: float
     rows: list[WhyRow]
     left_out: int
+    error: str
+
+
+class Tried(_Message, frozen=True, tag="tried"):
+    """The answer to Try: with the program that runs, and with the other one. `error` says why there is none."""
+
+    at_s: float
+    until_s: float
+    unchanged: Course
+    edited: Course
     error: str
 
 
@@ -344,13 +364,25 @@ class Edit(_Message, frozen=True, tag="edit"):
 
     Args:
         number: chosen by the page; the answer has it.
-        text: of the whole program.
-        base_sha256: of the text that was edited. If another edit came first, this one is refused.
+        text: of the whole program, or of the file.
+        base_sha256: of the program that was edited. If another edit came first, this one is refused.
+        file: that the program imports; empty: the program itself.
+        is_tried: whether it is only checked: the answer has its mistakes, and nothing changes.
     """
 
     number: Count
     text: Text
     base_sha256: Sha256
+    file: Name = ""
+    is_tried: bool = False
+
+
+class Try(_Message, frozen=True, tag="try"):
+    """Ask what another text would do from a moment of the run on, in a simulation. Fields as of Edit."""
+
+    text: Text
+    file: Name
+    at_s: RunTime
 
 
 class SetValue(_Message, frozen=True, tag="set"):
@@ -397,8 +429,8 @@ class Why(_Message, frozen=True, tag="why"):
     until_s: RunTime
 
 
-FromServer: TypeAlias = Hello | State | Program | Edited | WhyAnswer | Timeline | Refused | Gone
-FromPage: TypeAlias = Edit | SetValue | Do | Give | Show | Why
+FromServer: TypeAlias = Hello | State | Program | Edited | WhyAnswer | Tried | Timeline | Refused | Gone
+FromPage: TypeAlias = Edit | Try | SetValue | Do | Give | Show | Why
 
 encode: Callable[[FromServer], bytes] = msgspec.json.Encoder().encode
 decode_from_page: Callable[[str | bytes], FromPage] = msgspec.json.Decoder(FromPage).decode

@@ -34,6 +34,7 @@ from snr_sim.web.messages import (
     Show,
     State,
     Timeline,
+    Try,
     Why,
     decode_from_page,
     encode,
@@ -149,7 +150,9 @@ class MachineSession:
             raise HungUpError(f"More than {CHANGES_PER_S:g} changes a second.")
         match message:
             case Edit():
-                machine.edit(message.number, message.text, message.base_sha256, self.answer_edit)
+                machine.edit(message, self.answer_edit)
+            case Try():
+                self._answer(message, partial(self._rehearse, machine, message))
             case SetValue():
                 machine.set_value(message.path, message.value)
             case Give():
@@ -168,7 +171,7 @@ class MachineSession:
         with suppress(HungUpError):
             self.send(edited)
 
-    def _answer(self, message: Show | Why, work: Callable[[], Awaitable[None]]) -> None:
+    def _answer(self, message: Show | Why | Try, work: Callable[[], Awaitable[None]]) -> None:
         """Answer later, while other messages are handled."""
         if len(self._answering) >= MAX_QUESTIONS:
             self.refuse(message, f"{MAX_QUESTIONS} questions are being answered: wait for one of them.")
@@ -177,7 +180,7 @@ class MachineSession:
         self._answering.add(task)
         task.add_done_callback(self._answering.discard)
 
-    async def _without_errors(self, message: Show | Why, work: Callable[[], Awaitable[None]]) -> None:
+    async def _without_errors(self, message: Show | Why | Try, work: Callable[[], Awaitable[None]]) -> None:
         with suppress(HungUpError):  # the browser reads nothing, and its connection is being closed
             try:
                 await work()
@@ -189,6 +192,9 @@ class MachineSession:
 
     async def _explain(self, asked: Why) -> None:
         self.send(await self._machine.explanations.of(asked))
+
+    async def _rehearse(self, machine: LiveMachine, asked: Try) -> None:
+        self.send(await machine.explanations.rehearsal(machine.name, *machine.with_text(asked), asked.at_s))
 
     def close(self) -> None:
         """End what is being answered."""

@@ -56,6 +56,17 @@ def test_changed_program_names_its_first_difference_and_its_states(
     assert f"snr resim {run} --with FILE" in shown
 
 
+def test_rehearsal_lists_what_both_programs_do(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    machine("try", str(run.parent / "mine.lrp"), other=str(run), at=1.0, trust=True)
+    shown = capsys.readouterr().out
+    assert shown.startswith("From 1 s to 11 s of the simulation, run again:\nwith its own program: 1 change of state\n")
+    machine("try", str(run.parent / "mine.lrp"), other=str(run), at=1.0, trust=True, as_json=True)
+    found = json.loads(capsys.readouterr().out)
+    (late,), (early,) = (found[one]["changes"] for one in ("unchanged", "edited"))
+    assert (late["target"], early["target"]) == ("stopped", "stopped")
+    assert early["t_ns"] < late["t_ns"]  # it stops 60 cm before the wall, and not 40
+
+
 def test_program_that_never_changes_its_state_again_is_named(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sleeper = run.parent / "sleeper.lrp"
     sleeper.write_text(STOP.read_text().replace("40", "-1"))

@@ -15,6 +15,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from snr_sim.web.explanation import TIMEOUT_S
+
 pytestmark = [pytest.mark.slow, pytest.mark.unmeasured]
 PACKAGES = "chromium"
 # What would otherwise ask other hosts, and what needs a screen.
@@ -24,6 +26,7 @@ FLAGS = [
 ]
 LAPTOP, TABLET = (1280, 800), (1024, 768)
 WAIT_S = 20.0  # of what takes some milliseconds, on a computer that does much else
+PROCESS_S = TIMEOUT_S  # of a process that starts, or executes the run again: up to 2 s of CPU time
 # Dark from 1 s to 2 s, from 3 s to 4 s, and so on; `turns` counts its entries. It reads no sensor.
 BLINKER = """\
 (var near_cm := [25])
@@ -82,7 +85,7 @@ def start(tmp_path: Path, running: list[subprocess.Popen[bytes]]) -> Callable[..
         with output.open("wb") as file:
             command = [sys.executable, "-m", "snr_sim", *words]
             running.append(subprocess.Popen(command, cwd=tmp_path, stdout=file, stderr=file))
-        return str(wait_for(lambda: re.search(r"http://\S+token=\S+", output.read_text()))[0])
+        return str(wait_for(lambda: re.search(r"http://\S+token=\S+", output.read_text()), PROCESS_S)[0])
 
     return started
 
@@ -117,9 +120,9 @@ def is_elsewhere(url: str, host: str) -> bool:
     return urlsplit(url).scheme not in ("data", "blob") and urlsplit(url).netloc != host
 
 
-def wait_for(check: Callable[[], Any]) -> Any:
+def wait_for(check: Callable[[], Any], limit_s: float = WAIT_S) -> Any:
     """Return the first true value of a function."""
-    end_s = time.monotonic() + WAIT_S
+    end_s = time.monotonic() + limit_s
     while not (found := check()):
         assert time.monotonic() < end_s, "it did not happen"
         time.sleep(0.02)
@@ -355,7 +358,7 @@ def test_keyboard_reaches_why_and_run_buttons(start: Callable[[str], str], open_
     labels = "document.activeElement.getAttribute('aria-label') ?? ''"
     wait_for(lambda: page.keyboard.press("ArrowRight") or "from lit to dark" in page.evaluate(labels))
     page.keyboard.press("Enter")
-    page.locator("#why-rows", has_text="looked at").wait_for()
+    page.locator("#why-rows", has_text="looked at").wait_for(timeout=1000 * PROCESS_S)
     assert "lit->dark" in page.locator("#why-title").inner_text()
     assert "1.00 s" in page.locator("#why-moments").inner_text()
     page.keyboard.press("Escape")
@@ -366,6 +369,96 @@ def test_keyboard_reaches_why_and_run_buttons(start: Callable[[str], str], open_
     page.keyboard.press("Alt+s")
     page.keyboard.press("Alt+g")
     wait_for(lambda: page.locator("#status").inner_text() == "live")
+
+
+def test_edits_are_tried_in_a_simulation_before_they_are_committed(start: Callable[[str], str], open_page: Any) -> None:
+    page = open_page(start(BLINKER))
+    page.keyboard.press("Alt+t")
+    put_cursor_in(page, "(ontime 1000 dark", ")")
+    page.keyboard.type(" xx yy")
+    page.locator(".cm-lint-marker-error").wait_for()  # it is checked
+    for _ in " xx yy":
+        page.keyboard.press("Backspace")
+    page.locator(".cm-lint-marker-error").wait_for(state="detached")
+    page.keyboard.press("Home")
+    for _ in range(len("  (ontime 1000") - 2):
+        page.keyboard.press("ArrowRight")
+    page.keyboard.press("Backspace")  # 100 ms
+    assert "(ontime 100 dark -> lit)" in program(page)
+    wait_for(lambda: shown_s(page) > 2.2)
+    page.keyboard.press("Alt+r")
+    lists = page.locator("#rehearsed ol")
+    lists.first.wait_for(timeout=1000 * PROCESS_S)
+    without, edited = (one.locator("li").all_inner_texts() for one in lists.all())
+    assert 9 <= len(without) <= 10
+    assert 17 <= len(edited) <= 20
+    assert page.locator("#rehearsed .first").count() == 2
+    assert page.evaluate("document.body.dataset.program") == "1"
+    page.keyboard.press("Alt+c")
+    wait_for(lambda: page.evaluate("document.body.dataset.program") == "2")
+    assert page.locator("#trial").is_hidden()
+
+
+def test_text_that_is_tried_survives_a_reload_and_can_be_discarded(start: Callable[[str], str], open_page: Any) -> None:
+    page = open_page(start(BLINKER))
+    page.get_by_role("button", name="Try").click()
+    put_cursor_in(page, NEAR_CM)
+    page.keyboard.type("0")
+    page.reload()
+    wait_for(lambda: "[250]" in program(page))
+    wait_for(lambda: page.locator("#trial").is_visible())
+    before_s = shown_s(page)
+    wait_for(lambda: shown_s(page) > before_s + 0.5)
+    assert value(page, "near_cm") == "25"
+    page.get_by_role("button", name="Discard").click()
+    assert page.locator("#trial").is_hidden()
+    assert program(page) == BLINKER
+    assert page.evaluate("document.body.dataset.program") == "1"
+
+
+IMPORTED = """\
+(export winks)
+(machine winks
+  (state open)
+  (state shut)
+  (ontime 500 open -> shut)
+  (ontime 500 shut -> open))
+"""
+
+
+def test_imported_file_is_edited_with_its_mistakes_counts_and_undo(
+    tmp_path: Path, start: Callable[[str], str], open_page: Any
+) -> None:
+    (tmp_path / "winks.lrp").write_text(IMPORTED)
+    main = f'(import "winks.lrp")\n{BLINKER}(spawn winks open)\n'
+    page = open_page(start(main))
+    file = page.get_by_label("File")
+    wait_for(lambda: page.locator("#diagram .state").count() == 5)
+    file.select_option("winks.lrp")
+    wait_for(lambda: program(page) == IMPORTED)
+    wait_for(lambda: page.locator(".cm-counts .cm-gutterElement", has_text="×").count() >= 2)
+    put_cursor_in(page, "(ontime 500 open", ")")
+    page.keyboard.type("t")
+    page.locator(".cm-lint-marker-error").wait_for()
+    assert page.locator("#problems").inner_text().startswith("line 5 There is no state 'shutt' here.")
+    file.select_option("")
+    assert "does not run" in page.locator("#message").inner_text()
+    wait_for(lambda: file.input_value() == "winks.lrp")
+    page.keyboard.press("Backspace")
+    page.locator(".cm-lint-marker-error").wait_for(state="detached")
+    page.locator(".cm-line", has_text="(ontime 500 open").click()
+    page.keyboard.press("Home")
+    for _ in "  (ontime 5":
+        page.keyboard.press("ArrowRight")
+    page.keyboard.type("0")  # 5000 ms
+    wait_for(lambda: page.evaluate("document.body.dataset.program") == "2")
+    file.select_option("")
+    wait_for(lambda: program(page) == main)
+    page.get_by_role("button", name="Undo").click()
+    wait_for(lambda: page.evaluate("document.body.dataset.program") == "3")
+    page.locator("#diagram .name", has_text="shut").click()
+    wait_for(lambda: program(page) == IMPORTED)
+    assert file.input_value() == "winks.lrp"
 
 
 def test_recorded_run_is_shown_at_any_moment(
@@ -438,6 +531,23 @@ def test_page_fits_the_screen(start: Callable[[str], str], open_page: Any, size:
         assert not any(is_overlap(one, other) for other in boxes[i + 1 :])
     for pair in ("--ink --surface", "--soft --surface", "--bad --surface", "--last --surface", "--ink --active"):
         assert contrast(page, *pair.split()) >= 4.5, pair  # WCAG 2.2, 1.4.3
+
+
+LANDING = """\
+(machine landing
+  (state coasting (onentry [robot.throttle.stop()]))
+  (state burning (onentry [robot.throttle.start(1.0)]))
+  (on [robot.velocity_mps.read() is not None and robot.velocity_mps.read() < -900] coasting -> burning))
+(spawn landing coasting)
+"""
+
+
+def test_names_of_parts_with_long_units_are_whole(start: Callable[..., str], open_page: Any) -> None:
+    command = ("run", "lander_vertical", "--controller", "program.lrp", "--speed", "real", "--live")
+    page = open_page(start(LANDING, command), TABLET)
+    names = page.locator(":is(#reads, #drives) .name")
+    wait_for(lambda: {"velocity_mps", "throttle"} <= set(names.all_inner_texts()))
+    assert all(names.evaluate_all("all => all.map(one => one.clientWidth >= one.scrollWidth)"))
 
 
 def is_overlap(one: dict[str, float], other: dict[str, float]) -> bool:

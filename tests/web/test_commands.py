@@ -112,6 +112,35 @@ def test_edit_in_flight_is_recorded_replayed_shown_and_explained(here: Path) -> 
         assert "cannot be changed" in page.wait("refused")["reason"]
 
 
+# Sends itself a signal where Python may run its handler: before a callback of asyncio that continues a task.
+SIGNAL_BEFORE_A_STEP = """\
+import asyncio, signal, sys
+from snr_sim.cli.entry import main
+
+_, coroutine, *sys.argv[1:] = sys.argv
+run = asyncio.Handle._run
+
+def run_after_a_signal(handle):
+    task = getattr(handle._callback, "__self__", None)
+    if isinstance(task, asyncio.Task) and task.get_coro().__name__ == coroutine:
+        asyncio.Handle._run = run
+        signal.raise_signal(signal.SIGINT)
+    run(handle)
+
+asyncio.Handle._run = run_after_a_signal
+main()
+"""
+
+
+@pytest.mark.parametrize("coroutine", ["serve", "_tick"])
+def test_view_ends_at_a_signal_between_callbacks_of_asyncio(here: Path, coroutine: str) -> None:
+    snr("run", "dora_wall")
+    (folder,) = here.glob("runs/*")
+    words = [sys.executable, "-c", SIGNAL_BEFORE_A_STEP, coroutine, "machine", "view", str(folder)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=TIMEOUT_S)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_run_that_is_being_recorded_can_be_viewed(here: Path) -> None:
     process = subprocess.Popen([*SNR, "run", "dora_room", "--speed", "real"], stderr=subprocess.DEVNULL)
     try:

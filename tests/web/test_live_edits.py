@@ -10,6 +10,22 @@ from snr_sim.scenario.machine_controller import guard_edits
 from snr_sim.web import live_machine
 from tests.web.dive import BRIDGE, DIVER, SHA, Live, edit, event_at, parts, with_push
 
+WINKS = """(export winks)
+(machine winks (state open) (state shut)
+  (ontime 250 open -> shut)
+  (ontime 250 shut -> open))
+"""
+WITH_WINKS = f'(import "winks.lrp")\n{DIVER}(spawn winks open)\n'
+FASTER = WINKS.replace("250 open", "50 open")
+
+
+@pytest.fixture
+def winking() -> Live:
+    """A dive whose program imports a file."""
+    program = parse(WITH_WINKS, BRIDGE.parts, {"winks.lrp": WINKS})
+    return Live(*machine_parts(program, "diver", bridge=BRIDGE))
+
+
 # -- edits ------------------------------------------------------------------------------------------------------------
 
 
@@ -70,6 +86,68 @@ def test_same_text_from_two_browsers_is_answered_to_each(live: Live) -> None:
     live.tick()
     assert [(one["number"], one["ok"]) for one in one.of("edited")] == [(1, True)]
     assert [(one["number"], one["ok"]) for one in other.of("edited")] == [(2, False)]
+
+
+def test_edit_of_an_imported_file_is_answered_shown_and_undone(winking: Live) -> None:
+    browser, other = winking.browser(), winking.browser("look")
+    sha256 = browser.newest("hello")["sha256"]
+    browser.send("edit", number=1, text=FASTER, base_sha256=sha256, file="winks.lrp")
+    winking.until(0.1)
+    answer = browser.newest("edited")
+    assert (answer["ok"], answer["program"], answer["text"]) == (True, 2, None)
+    program = other.newest("program")
+    assert (program["text"], program["files"], program["sha256"]) == (
+        WITH_WINKS,
+        {"winks.lrp": FASTER},
+        answer["sha256"],
+    )
+    assert [one["file"] for one in program["graph"]] == ["", "winks.lrp"]
+    browser.send("edit", number=2, text=WINKS, base_sha256=sha256, file="winks.lrp")
+    winking.until(0.2)
+    stale = browser.newest("edited")
+    assert (stale["is_stale"], stale["text"], stale["files"]) == (True, WITH_WINKS, {"winks.lrp": FASTER})
+    browser.send("do", what="undo")
+    winking.until(0.3)
+    undone = browser.newest("edited")
+    assert (undone["ok"], undone["files"], undone["sha256"]) == (True, {"winks.lrp": WINKS}, sha256)
+    assert winking.node.components["diver"].interpreter.program.files == {"winks.lrp": WINKS}
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (WINKS.replace("-> shut", "-> shutt"), 3, "There is no state 'shutt' here."),
+        (WINKS.replace("(export winks)", ""), 0, "There is no machine 'winks' here."),
+    ],
+)
+def test_mistake_in_an_imported_file_has_its_line_there(winking: Live, text: str, line: int, message: str) -> None:
+    browser = winking.browser()
+    browser.send("edit", number=1, text=text, base_sha256=browser.newest("hello")["sha256"], file="winks.lrp")
+    (problem,) = browser.newest("edited")["problems"]
+    assert (problem["line"], problem["message"]) == (line, message)
+    assert not winking.node.inbox.waiting
+
+
+def test_edit_of_a_file_that_is_not_imported_is_refused(winking: Live) -> None:
+    browser = winking.browser()
+    browser.send("edit", number=1, text=WINKS, base_sha256=SHA, file="wink.lrp")
+    assert "imports no file 'wink.lrp'.\n  Try: did you mean 'winks.lrp'?" in browser.newest("refused")["reason"]
+
+
+def test_edit_that_is_tried_is_checked_and_does_not_enter_the_node(live: Live) -> None:
+    browser = live.browser()
+    for number, text in enumerate(
+        (with_push(9), f"(var unused := [1])\n{DIVER}", DIVER.replace("-> rising)", "-> risin)"))
+    ):
+        browser.send("edit", number=number, text=text, base_sha256=SHA, is_tried=True)
+    assert not live.node.inbox.waiting
+    answers = browser.of("edited")
+    assert [(one["number"], one["ok"], one["program"]) for one in answers] == [
+        (0, False, 1),
+        (1, False, 1),
+        (2, False, 1),
+    ]
+    assert [[row["is_error"] for row in one["problems"]] for one in answers] == [[], [False], [True]]
 
 
 def test_edit_from_elsewhere_is_shown() -> None:

@@ -17,6 +17,7 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.web.moments import moment_of
 from snr_sim.web.recorded_machine import RecordedMachine
 from snr_sim.web.timeline import RecordedTimeline, machines_in
 from tests.web.dive import BRIDGE, DEPTHS, DIVER, event_at, with_push
@@ -84,6 +85,15 @@ def test_moments_are_the_changes_of_the_run_with_their_program(record: Record, t
     assert shown.state_at(1.2).last == moments[1]
     assert shown.state_at(1.05).last == moments[0]
     assert shown.until_s == pytest.approx(3.0, abs=0.02)
+
+
+def test_moments_of_many_programs_share_their_names() -> None:
+    names = {one: "-".join(["a", one]) for one in ("machine", "kind", "name", "source", "target")}
+    fields = [
+        {"t_ns": 1, "held_ns": 0, "line": 1, **{key: "".join(list(name)) for key, name in names.items()}} for _ in "12"
+    ]
+    one, other = (moment_of(row, number) for number, row in enumerate(fields))
+    assert all(getattr(one, key) is getattr(other, key) for key in names)
 
 
 def test_before_the_first_page_nothing_is_known(record: Record, timeline: Timeline) -> None:

@@ -4,7 +4,6 @@ import { draw, seconds, setText } from "./dom.js";
 import { allMachines, keysOfChange, reachable, transitionsOf } from "./program.js";
 
 const [MIN_SCALE, MAX_SCALE] = [0.62, 1.5]; // smaller text is not readable: the diagram scrolls instead
-const COPIED = ["fill", "stroke", "stroke-width", "stroke-dasharray", "font", "text-anchor", "opacity", "display"];
 
 export class Diagram {
   program = { graph: [], number: 0 };
@@ -12,7 +11,7 @@ export class Diagram {
   states = new Map();
   arrows = [];
 
-  /** `onState` is called with a line, `onTransition` with a transition. */
+  /** `onState` is called with a line and the file it is in, `onTransition` with a transition. */
   constructor(container, parts) {
     Object.assign(this, { container, ...parts });
     this.worker = new Worker(new URL("layout.js", import.meta.url), { type: "module" });
@@ -81,7 +80,7 @@ export class Diagram {
     const kind = isReached.has(name) ? "state" : "state unreachable";
     const group = this.button(
       { class: kind, "data-key": key, transform: `translate(${x},${y})` },
-      () => this.onState(state.line),
+      () => this.onState(state.line, machine.file),
       draw("rect", { width, height, rx: 10, class: "box" }),
       draw("path", { d: "M8,8l9,5.5l-9,5.5z", class: "mark" }),
       draw("text", { x: 22, y: 18, class: "name" }, name),
@@ -186,19 +185,6 @@ export class Diagram {
     const isToggle = "+-".includes(event.key);
     const chosen = isToggle ? items[now].querySelector(":scope > .toggle") : items[now];
     chosen?.dispatchEvent(new MouseEvent("click", { bubbles: true }));
-  }
-
-  /** Return the drawing as the text of a file: colours are written into it, so that any program shows them. */
-  picture() {
-    const copy = this.svg.cloneNode(true);
-    const originals = this.svg.querySelectorAll("*");
-    copy.querySelectorAll("*").forEach((one, i) => {
-      const style = getComputedStyle(originals[i]);
-      for (const name of COPIED) one.style.setProperty(name, style.getPropertyValue(name));
-      one.removeAttribute("class");
-    });
-    copy.style.background = getComputedStyle(document.body).backgroundColor;
-    return new XMLSerializer().serializeToString(copy);
   }
 }
 

@@ -86,15 +86,8 @@ export class Editor {
           initialSpacer: () => new Count(888),
           domEventHandlers: { click: ask },
         }),
-        marks,
-        history(),
-        drawSelection(),
-        highlightActiveLine(),
-        bracketMatching(),
-        closeBrackets(),
-        autocompletion({ override: [completion(this.known)] }),
-        language,
-        syntaxHighlighting(colours),
+        [marks, history(), drawSelection(), highlightActiveLine(), bracketMatching(), closeBrackets()],
+        [language, syntaxHighlighting(colours), autocompletion({ override: [completion(this.known)] })],
         EditorView.lineWrapping,
         EditorState.readOnly.of(isReadOnly),
         EditorView.contentAttributes.of({ "aria-label": isReadOnly ? "Program, read only" : "Program" }),
@@ -117,8 +110,16 @@ export class Editor {
 
   begin(isReadOnly) {
     this.showPast(null);
-    if (isReadOnly !== this.isReadOnly) this.view.setState(this.newState(this.text, isReadOnly));
+    if (isReadOnly === this.isReadOnly) return;
     this.isReadOnly = isReadOnly;
+    this.open(this.text);
+  }
+
+  /** Edit another text, without what could be undone in this one. */
+  open(text) {
+    this.showPast(null);
+    this.view.setState(this.newState(text, this.isReadOnly));
+    this.marked = "";
   }
 
   /** Change only what differs, so that the cursor stays where it is. */

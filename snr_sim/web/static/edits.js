@@ -4,35 +4,56 @@ const WAIT_MS = 30; // for the next key
 const REFUSED_MS = 1000;
 
 export class Edits {
-  base = null; // text and sha256 of the program that runs
-  other = null; // those of another edit that came first
+  base = null; // text, files and sha256 of the program that runs
+  file = ""; // that is edited: the program, or one that it imports
+  isHeld = false; // whether edits are only checked, until they are committed
+  other = null; // as `base`, of another edit that came first
   inFlight = null;
   number = 0;
 
   /**
-   * `editor` has `text` and `replace(text)`; `problems` has `show({ ofText })`; `showConflict` is called with whether
-   * there is one; `send` sends an edit and returns whether there is a connection.
+   * `editor` has `text`, `replace(text)` and `open(text)`; `problems` has `show({ ofText })`; `showConflict` and
+   * `showHeld` are called with whether there is a conflict, and whether edits are held; `send` sends an edit and returns
+   * whether there is a connection.
    */
   constructor(parts) {
     Object.assign(this, parts);
   }
 
   get isDirty() {
-    return this.base !== null && this.editor.text !== this.base.text;
+    return this.base !== null && this.editor.text !== textOf(this.base, this.file);
   }
 
   /** Begin with the program that runs, and with an unfinished text from before, if it was made from this program. */
-  begin({ text, sha256, is_editable }, draft) {
-    const isSame = this.base === null || this.base.sha256 === sha256;
-    Object.assign(this, { inFlight: null, isAllowed: is_editable });
-    if (this.isDirty && !isSame) this.conflict({ text, sha256 });
+  begin(program, draft) {
+    const isSame = this.base === null || this.base.sha256 === program.sha256;
+    Object.assign(this, { inFlight: null, isAllowed: program.is_editable });
+    if (this.isDirty && !isSame) this.conflict(program);
     else if (this.isDirty) this.sendNow();
     else {
-      this.take({ text, sha256 });
-      if (draft?.base_sha256 !== sha256) return;
+      this.take(program);
+      if (draft?.base_sha256 !== program.sha256) return;
+      this.hold(draft.isHeld);
+      this.open(draft.file);
       this.editor.replace(draft.text);
       this.sendNow();
     }
+  }
+
+  /** What a reload of the page would lose. */
+  get draft() {
+    const { file, isHeld, base } = this;
+    return this.isDirty ? { text: this.editor.text, base_sha256: base.sha256, file, isHeld } : undefined;
+  }
+
+  /** Edit another file; return whether that is possible: the text of this one must run. */
+  open(file) {
+    if (file === this.file) return true;
+    if (this.isDirty || this.inFlight) return false;
+    this.file = file;
+    this.editor.open(textOf(this.base, file));
+    this.problems.show({ ofText: [] });
+    return true;
   }
 
   /** The user has changed the text: wait for the next key, then send it. */
@@ -43,21 +64,28 @@ export class Edits {
 
   sendNow() {
     if (!this.isAllowed || this.inFlight || this.other) return;
-    const { text } = this.editor;
-    const edit = { number: this.number + 1, text, base_sha256: this.base.sha256 };
-    if (text === this.base.text) this.problems.show({ ofText: [] });
+    const { file, isHeld: is_tried, editor: { text } } = this;
+    const edit = { number: this.number + 1, text, base_sha256: this.base.sha256, file, is_tried };
+    if (!this.isDirty) this.problems.show({ ofText: [] });
     else if (this.send(edit)) Object.assign(this, { inFlight: edit, number: edit.number });
   }
 
+  /** Hold edits back, or send what was held. */
+  hold(isHeld) {
+    this.isHeld = isHeld;
+    this.showHeld(isHeld);
+    if (!isHeld) this.sendNow();
+  }
+
   /** The answer to an edit or to an undo. */
-  onEdited({ number, ok, is_stale, sha256, text, problems }) {
-    if (number === null && ok) this.take({ text, sha256 }, problems);
+  onEdited({ number, ok, is_stale, sha256, text, files, problems }) {
+    if (number === null && ok) this.take({ text, files, sha256 }, problems);
     if (number !== this.inFlight?.number) return;
-    const sent = this.inFlight.text;
+    const { text: sent, file, is_tried } = this.inFlight;
     this.inFlight = null;
-    if (ok) this.base = { text: sent, sha256 };
-    if (is_stale) this.conflict({ text, sha256 });
-    else if (this.editor.text === sent) this.problems.show({ ofText: problems });
+    if (ok) this.base = { ...withText(this.base, file, sent), sha256 };
+    if (is_stale) this.conflict({ text, files, sha256 });
+    else if (this.editor.text === sent && is_tried === this.isHeld) this.problems.show({ ofText: problems });
     else this.sendNow();
   }
 
@@ -68,11 +96,12 @@ export class Edits {
   }
 
   /** Another program runs: ours, or from another page or an editor that has saved the file. */
-  onProgram({ text, sha256 }) {
+  onProgram(program) {
+    if (program.sha256 === this.base.sha256) this.base = program; // other files may be imported
     // An edit in flight is answered, by success or by what came first.
-    if (this.inFlight || sha256 === this.base.sha256) return;
-    if (this.isDirty) this.conflict({ text, sha256 });
-    else this.take({ text, sha256 });
+    else if (this.inFlight && !this.inFlight.is_tried) return;
+    else if (this.isDirty) this.conflict(program);
+    else this.take(program);
   }
 
   /** Return whether an undo is to be sent: a text that does not run is replaced by the one that does. */
@@ -85,7 +114,8 @@ export class Edits {
   /** Continue with another text. */
   take(base, problems = []) {
     this.base = base;
-    this.editor.replace(base.text);
+    if (this.file && !(this.file in base.files)) this.file = "";
+    this.editor.replace(textOf(base, this.file));
     this.problems.show({ ofText: problems });
   }
 
@@ -102,3 +132,9 @@ export class Edits {
     else this.take(this.base);
   }
 }
+
+/** Return the text of a program, or of a file that it imports. */
+export const textOf = ({ text, files }, file) => (file ? (files[file] ?? "") : text);
+
+const withText = (program, file, text) =>
+  file ? { ...program, files: { ...program.files, [file]: text } } : { ...program, text };

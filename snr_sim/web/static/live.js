@@ -2,14 +2,14 @@
 
 import { Connection } from "./connection.js";
 import { Diagram } from "./diagram.js";
-import { make, part, setText } from "./dom.js";
-import { Edits } from "./edits.js";
+import { make, part, save, setText } from "./dom.js";
+import { Edits, textOf } from "./edits.js";
 import { Editor } from "./editor.js";
 import { History } from "./history.js";
 import { Problems } from "./problems.js";
 import { allMachines, keysOfChange, transitionsOf } from "./program.js";
-import { mermaidOf, save } from "./save.js";
 import { Time } from "./time.js";
+import { Try } from "./try.js";
 import { Values } from "./values.js";
 import { Why } from "./why.js";
 
@@ -31,7 +31,7 @@ class Page {
     this.time = new Time(this.history, (t_s) => this.ask(t_s));
     this.editor = new Editor(part("text"), {
       onKey: () => this.edits.onKey(),
-      onTransition: (line) => this.openWhy(transitionsOf(this.diagram.program).find((one) => one.line === line)),
+      onTransition: (line) => this.openWhy(this.transitions().find((one) => one.line === line)),
       known: () => this.known(),
     });
     this.problems = new Problems(this.editor);
@@ -40,20 +40,16 @@ class Page {
       problems: this.problems,
       send: (fields) => send("edit", fields),
       showConflict: (isShown) => (part("conflict").hidden = !isShown),
+      showHeld: (isHeld) => this.trial.show(isHeld),
     });
-    this.why = new Why(this.history, {
-      go: (t_s) => this.time.go(t_s),
-      ask: (fields) => send("why", fields),
-      now_s: () => this.time.shown_s ?? this.time.end_s,
-    });
+    const now_s = () => this.time.shown_s ?? this.time.end_s;
+    this.why = new Why(this.history, { go: (t_s) => this.time.go(t_s), ask: (fields) => send("why", fields), now_s });
+    this.trial = new Try(this.edits, { ask: (fields) => send("try", fields), now_s });
     this.diagram = new Diagram(part("diagram"), {
-      onState: (line) => this.editor.goTo(line, true),
+      onState: (line, file) => this.openFile(file) && this.editor.goTo(line, true),
       onTransition: (transition) => this.openWhy(transition),
     });
-    this.values = new Values(
-      { variables: part("variables"), reads: part("reads"), drives: part("drives") },
-      { set: (path, value) => send("set", { path, value }), reject: (text) => this.say(text) },
-    );
+    this.values = new Values((path, value) => send("set", { path, value }), (text) => this.say(text));
     this.connectButtons();
     this.connection = new Connection((message) => this.receive(message), (status) => this.onStatus(status));
     addEventListener("pagehide", () => this.keepPlace());
@@ -61,20 +57,21 @@ class Page {
 
   connectButtons() {
     const act = (what) => this.connection.send("do", { what });
-    const copy = (text) => navigator.clipboard.writeText(text);
-    const saveAs = (ending, text, type = "text/plain") => save(`${this.hello.name}.${ending}`, text, type);
     const actions = {
       pause: () => act("pause"),
       go: () => act("go"),
       step: () => act("step"),
       undo: () => this.edits.undo() && act("undo"),
+      try: () => this.edits.hold(!this.edits.isHeld),
+      rehearse: () => this.trial.rehearse(),
+      commit: () => this.edits.hold(false),
+      discard: () => this.trial.discard(),
       theirs: () => this.edits.resolve(false),
       ours: () => this.edits.resolve(true),
-      save: () => saveAs("lrp", this.editor.view.state.doc.toString()),
-      picture: () => saveAs("svg", this.diagram.picture(), "image/svg+xml"),
-      mermaid: () => copy(mermaidOf(this.diagram.program.graph)).then(() => this.say("Mermaid is in the clipboard.")),
+      save: () => save(this.edits.file || `${this.hello.name}.lrp`, this.editor.view.state.doc.toString()),
     };
     for (const [id, action] of Object.entries(actions)) part(id).addEventListener("click", action);
+    part("file").addEventListener("change", ({ target }) => this.openFile(target.value));
     addEventListener("keydown", (event) => {
       const button = event.altKey && document.querySelector(`button[data-code="${event.code}"]`);
       if (!button) return;
@@ -85,7 +82,9 @@ class Page {
 
   /** Call `onHello` and so on, by the kind of the message. */
   receive(message) {
-    this[`on${message.kind[0].toUpperCase()}${message.kind.slice(1)}`]?.(message);
+    const asked = { why: this.why, tried: this.trial }[message.kind];
+    if (asked) asked.onAnswer(message);
+    else this[`on${message.kind[0].toUpperCase()}${message.kind.slice(1)}`]?.(message);
   }
 
   onHello(message) {
@@ -134,13 +133,10 @@ class Page {
     if (message.notes.length) this.say(message.notes.join(" "));
   }
 
-  onWhy(message) {
-    this.why.onAnswer(message);
-  }
-
   onRefused({ message, reason }) {
     this.say(reason);
     if (message === "edit") this.edits.onRefused();
+    else if (message === "try") this.trial.onAnswer({ error: reason });
     else if (message === "show") this.onAnswered();
   }
 
@@ -186,11 +182,12 @@ class Page {
     this.showSignals(program.signals);
     this.values.show(state, this.units, isNow && this.hello.rights === "change");
     const isNewest = program.number === this.newest;
-    this.editor.showPast(isNewest ? null : program.text);
+    this.editor.showPast(isNewest ? null : textOf(program, this.edits.file));
+    this.showFiles(program);
     setText(part("number"), `number ${program.number}${isNewest ? "" : ", of that moment"}`);
     const isSameText = !isNewest || !this.edits.isDirty;
-    this.problems.show({ ofRun: state.problems, isSameText: isSameText && isNewest });
-    const marks = marksOf(program, last, totals.taken);
+    this.problems.show({ ofRun: state.problems, isSameText: isSameText && isNewest && !this.edits.file });
+    const marks = marksOf(this.transitions(program), last, totals.taken);
     if (isSameText) this.editor.mark({ ...marks, isScrolled: this.time.shown_s !== null });
   }
 
@@ -205,7 +202,32 @@ class Page {
     part("pause").disabled = !canChange || isPaused;
     part("go").disabled = part("step").disabled = !canChange || !isPaused;
     part("signals").disabled = !canChange;
-    part("undo").disabled = !canChange || !hello.is_editable;
+    part("undo").disabled = part("try").disabled = !canChange || !hello.is_editable;
+    part("rehearse").disabled = part("commit").disabled = !canChange;
+  }
+
+  /** Offer the program, and the files that it imports. */
+  showFiles({ files }) {
+    const names = ["", ...Object.keys(files)];
+    if (`${names}` !== this.files) {
+      this.files = `${names}`;
+      part("file").hidden = names.length === 1;
+      part("file").replaceChildren(...names.map((one) => make("option", { value: one }, one || "program")));
+    }
+    part("file").value = this.edits.file;
+  }
+
+  /** Show a file in the editor; return whether it is shown. */
+  openFile(file) {
+    const isOpen = this.edits.open(file);
+    if (!isOpen) this.say("This text does not run yet: finish it, or Undo.");
+    this.render();
+    return isOpen;
+  }
+
+  /** Return the transitions that are declared in the file that is shown. */
+  transitions(program = this.diagram.program) {
+    return transitionsOf(program).filter((one) => one.file === this.edits.file);
   }
 
   showSignals(signals) {
@@ -219,7 +241,7 @@ class Page {
   openWhy(transition) {
     if (!transition) return; // the line has none
     this.why.open(transition);
-    this.editor.goTo(transition.line);
+    if (this.openFile(transition.file)) this.editor.goTo(transition.line);
   }
 
   /** What the editor offers while the user writes. */
@@ -243,15 +265,13 @@ class Page {
   }
 
   keepPlace() {
-    const { text, place } = this.editor;
-    const draft = this.edits.isDirty ? { text, base_sha256: this.edits.base.sha256 } : undefined;
+    const [{ place }, { draft }] = [this.editor, this.edits];
     sessionStorage.setItem(PLACE, JSON.stringify({ shown_s: this.time.shown_s ?? undefined, place, draft }));
   }
 }
 
-/** Return the line of the last transition, and how often each was taken by line. */
-function marksOf(program, last, taken) {
-  const found = transitionsOf(program);
+/** Return the line of the last transition, and how often each of the ones found was taken by line. */
+function marksOf(found, last, taken) {
   const counts = new Map(found.filter(({ key }) => taken.has(key)).map(({ key, line }) => [line, taken.get(key)]));
   const lastLine = last && found.find(({ key }) => keysOfChange(last).includes(key))?.line;
   return { lastLine: lastLine ?? 0, counts };

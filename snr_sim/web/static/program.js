@@ -6,12 +6,12 @@ export function allMachines(graph) {
 }
 
 /**
- * Return all transitions, each with the path of its machine and with its key. The key is the same in another program,
+ * Return all transitions, each with path and file of its machine and with its key. The key is the same in another program,
  * whose lines may have moved; only if several transitions have the same name and target, it is by line.
  */
 export function transitionsOf({ graph, number }) {
-  const found = allMachines(graph).flatMap(({ path, transitions }) =>
-    transitions.map((one) => ({ ...one, path, key: keyOf(machineOf(path, one), one) })),
+  const found = allMachines(graph).flatMap(({ path, file, transitions }) =>
+    transitions.map((one) => ({ ...one, path, file, key: keyOf(machineOf(path, one), one) })),
   );
   const count = new Map();
   for (const { key } of found) count.set(key, (count.get(key) ?? 0) + 1);

@@ -1,16 +1,14 @@
 // The values: variables by scope, readings with their age, commands with their delay.
 
-import { make, setText } from "./dom.js";
+import { make, part, setText } from "./dom.js";
 
 const LATE_S = 0.1; // a command that takes longer is marked: at 0.5 m/s the robot has moved 5 cm meanwhile
 
 export class Values {
   /** `set` is called with the path of a variable and its new value, `reject` with what is wrong with a value. */
-  constructor({ variables, reads, drives }, { set, reject }) {
-    Object.assign(this, { set, reject });
-    this.variables = new Rows(variables, (path) => this.variableRow(path));
-    this.reads = new Rows(reads, barRow);
-    this.drives = new Rows(drives, barRow);
+  constructor(set, reject) {
+    Object.assign(this, { set, reject, reads: new Rows("reads", barRow), drives: new Rows("drives", barRow) });
+    this.variables = new Rows("variables", (path) => this.variableRow(path));
   }
 
   /** Show the values of a moment. */
@@ -44,8 +42,8 @@ export class Values {
 
 /** A list whose rows stay the same elements while their values change, so that none loses the focus. */
 class Rows {
-  constructor(list, makeRow) {
-    Object.assign(this, { list, makeRow, rows: new Map() });
+  constructor(id, makeRow) {
+    Object.assign(this, { list: part(id), makeRow, rows: new Map() });
   }
 
   show(entries, showRow) {
@@ -87,6 +85,7 @@ function showBar(row, value, unit, t_s, limit_s, word) {
   const number = Number.isFinite(value) ? `${Number(value.toPrecision(5))}` : asText(value);
   const hasUnit = unit && !/^\d/.test(unit); // "0 or 1" is none
   setText(row.output, value === null ? "—" : hasUnit ? `${number} ${unit}` : number);
+  row.output.title = unit ?? "";
   setText(row.age, isBeyond ? `${text} ${word}` : text);
   row.fill.style.width = `${limit_s ? Math.min(100, (100 * (t_s ?? 0)) / limit_s) : 0}%`;
   row.classList.toggle("beyond", isBeyond);
