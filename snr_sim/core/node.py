@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.clocks import ClockExecutor, SimClock, WallClock
-from snr_sim.core.component import CORE_NAME, data_of_page
+from snr_sim.core.component import CORE_NAME, NodeComponent, data_of_page
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, page_age_s
@@ -174,7 +174,10 @@ class Node(NodeMembers):
 
     def find_writer(self, key: DataKey, reader: str) -> tuple[str, str, tuple[str, ...]]:
         """Return what is known of the component that stores pages of a key: see `run_diagnostics.find_writer`."""
-        return find_writer(key, [one for one in self.components.values() if one.name != reader])
+        robot = [one for one in self.components.values() if isinstance(one, NodeComponent) and one.is_robot_component]
+        maker = self.life.maker_of(self.datastore.pages.get(key))
+        makers = [one for one in robot if one.name == maker]
+        return find_writer(key, makers or [one for one in robot if one.name != reader])
 
     # Tasks
 

@@ -20,6 +20,7 @@ from snr_sim.core.handlers import Entry, describe
 from snr_sim.core.source_location import (
     SourceLocation,
     after_line,
+    class_location,
     is_content,
     is_student_file,
     location_in,
@@ -27,8 +28,9 @@ from snr_sim.core.source_location import (
 )
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import suggest
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.prelude.task import DataKey, TaskName, TaskType
+from snr_sim.prelude.task import DataKey, Page, TaskName, TaskType
 
 _STEPS = ("begin", "join", "halt", "terminate")
 NEXT_LINE = "\n  "
@@ -238,14 +240,36 @@ def writers_of(key: DataKey, components: Iterable[Component]) -> list[PageWriter
 
 
 def find_writer(key: DataKey, components: Iterable[Component]) -> WriterInfo:
-    """Return what an error says of the component that has stored a page; without such a line, all are candidates."""
+    """Return what an error says of the component that has stored a page; without such a line, all are candidates.
+
+    A single candidate without such a line, as it puts the key together, is named with the line of its class.
+    """
     components = list(components)
     writers = writers_of(key, components)
+    if not writers and len(components) == 1:
+        location, name = class_location(type(components[0])), components[0].name
+        return WriterInfo("" if location is None else f"{location}{NEXT_LINE}", f"component '{name}'", (name,))
     lines = "".join(f"{writer.location}\n  " for writer in writers)
     names = dict.fromkeys(f"{writer.function}() of component '{writer.component}'" for writer in writers)
     one_of = ", ".join(component.name for component in components)
     suspects = [one.component for one in writers] or [one.name for one in components]
     return WriterInfo(lines, " or ".join(names) or f"one of {one_of}", tuple(dict.fromkeys(suspects)))
+
+
+def describe_unusable_page(node: NodeApi, page: Page, what: str, reader: str) -> tuple[str, tuple[str, ...]]:
+    """Return an error's text with who made the page that it is about, and the components of the node that may have.
+
+    Args:
+        node: which has the page.
+        page: that cannot be used.
+        what: the text so far: why it cannot.
+        reader: the component that cannot use it.
+    """
+    when = f"at t = {page.created_at_s:.3f} s"
+    if page.origin != node.name:
+        return f"{what}\n  It was made {when} by node '{page.origin}'.", ()
+    lines, who, suspects = node.find_writer(page.key, reader)
+    return f"{lines}{what}\n  It was stored {when} by {who}.", suspects
 
 
 def attribute_location(component: Component, name: str) -> SourceLocation | None:

@@ -6,14 +6,25 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, FakeActuator, Node, Task, TaskType, WatchLoopFactory, tasks
+from snr_sim import (
+    Config,
+    FakeActuator,
+    MemoryLink,
+    Node,
+    SimRunner,
+    SocketsPair,
+    Task,
+    TaskType,
+    WatchLoopFactory,
+    tasks,
+)
 from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.signals import EngineCommand
 from snr_sim.scenario.library import load_program
-from snr_sim.testing.function_components import FunctionEndpointFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 from tests.core.test_reload import LOOP, Student, outcome, reload, run, run_on_the_wall_clock, student, thrust_task
 
 __all__ = ["student"]
@@ -240,6 +251,49 @@ def test_new_code_that_stores_an_invalid_command_leaves_its_place_to_the_old_cod
     assert message.splitlines()[0].endswith(f'return self.store_data_task("engine", {value})')
 
 
+@pytest.mark.parametrize("value", ["object()", "2**70", "'x' * (1 << 21)", "[" * 101 + "]" * 101])
+def test_new_code_that_stores_what_a_link_cannot_send_leaves_its_place_to_the_old_code(
+    student: Student, value: str
+) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    link = SocketsPair(("127.0.0.1", 1), name="tether").server("engine")
+    wrong = reload(student, COMMANDS.replace('{"throttle": 0.5}', value))
+    node, _ = run([factory, link], [thrust_task, wrong, lambda: [thrust_task()] * 2, thrust_task], until_s=5.0)
+    message = outcome(node)["message"]
+    assert message.splitlines()[0].endswith(f'return self.store_data_task("engine", {value})')
+    assert "'link_tether' cannot send page 'engine': " in message
+    assert "rolled back: pilot as before it." in message
+    assert node.get_data("engine") == {"throttle": 0.5}
+    assert node.components["link_tether"].dropped == 2  # type: ignore[attr-defined]
+
+
+def test_rollback_is_of_the_code_that_made_the_page_whoever_else_names_its_key(student: Student) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    other = FunctionEndpointFactory({(TaskType.event, "idle"): lambda task, task_id: print("engine")}, "other")
+    link = SocketsPair(("127.0.0.1", 1), name="tether").server("engine")
+    wrong = reload(student, COMMANDS.replace('"engine", {"throttle": 0.5}', '"".join(["en", "gine"]), {2**70}'))
+    node, _ = run([factory, other, link], [thrust_task, wrong, thrust_task, thrust_task], until_s=5.0)
+    line, *rest = outcome(node)["message"].splitlines()
+    assert line.endswith("pilot.py, line 3: class Pilot(Endpoint):")
+    assert rest[1] == "  It was stored at t = 3.000 s by component 'pilot'."
+    assert "rolled back: pilot as before it." in rest[2]
+    assert node.get_data("engine") == {"throttle": 0.5}
+
+
+def test_new_code_that_stores_what_a_memory_link_cannot_send_is_rolled_back(student: Student) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    steps = [thrust_task, reload(student, COMMANDS.replace('{"throttle": 0.5}', "{2**70}")), thrust_task, thrust_task]
+    keyboard = FunctionLoopFactory(lambda loop: loop.schedule(steps.pop(0)() if steps else None), rate_hz=1.0)
+    link = MemoryLink(["engine"], "robot", "topside")
+    runner = SimRunner(Config(factories={"robot": [factory, keyboard], "topside": []}), links=[link], until_s=5.0)
+    runner.run()
+    message = outcome(runner.nodes["robot"])["message"]
+    assert "The link from 'robot' to 'topside' cannot send page 'engine': " in message
+    assert "rolled back: pilot as before it." in message
+    assert runner.nodes["topside"].get_data("engine") == {"throttle": 0.5}
+    assert (link.directions[0].sent, link.directions[0].dropped) == (2, 1)
+
+
 ANSWERING = (
     COMMANDS.replace("from snr_sim import Endpoint, handles", "from snr_sim import Endpoint, handles, tasks")
     + """
@@ -289,6 +343,20 @@ def test_new_code_whose_command_an_actuator_refuses_is_rolled_back(student: Stud
     assert "rolled back: pilot as before it." in message
     assert message.splitlines()[0].endswith('return self.store_data_task("engine", {"throttle": "half"})')
     assert node.get_data("written") == {"throttle": 0.5}
+
+
+@pytest.mark.slow
+def test_new_code_whose_page_a_process_cannot_get_is_rolled_back(student: Student) -> None:
+    source = ANSWERING.replace('"engine"', '"question"').replace('"written"', '"echo"')
+    factory = student.load(source).Pilot.factory(name="pilot")
+    wrong = reload(student, source.replace('{"throttle": 0.5}', "object()"))
+    node = run_on_the_wall_clock([factory, loops.StepsFactory(loops.echo)], wrong, thrust_task)
+    message = outcome(node)["message"]
+    assert message.splitlines()[0].endswith('return self.store_data_task("question", object())')
+    assert "Loop 'worker' runs in a process of its own" in message
+    assert " at 0x" not in message
+    assert "rolled back: pilot as before it." in message
+    assert node.get_data("echo") == {"throttle": 0.5}
 
 
 def test_late_page_of_rolled_back_code_is_not_a_failure(student: Student) -> None:

@@ -103,6 +103,11 @@ class NewCodeCalls:
         while len(self.made) > MAX_MADE:
             del self.made[next(iter(self.made))]
 
+    def maker_of(self, page: Page | None) -> str:
+        """Return the component whose new code has made a page, if it is among the last ones; else ""."""
+        one = self.made.get(id(page)) or self.late.get(id(page))
+        return "" if one is None else one[1]
+
     def roll_back(self, components: Collection[str]) -> None:
         """Count the tasks that these components' new code has made as late."""
         late = {key: one for key, one in self.made.items() if one[1] in components}

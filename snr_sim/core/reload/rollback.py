@@ -78,7 +78,7 @@ class Probations:
         if self._node.is_replay:
             self._node.machine.on_input = self.on_input
         manager.put_on_probation, manager.life.handle_failure = self.begin, self.handle_failure
-        manager.life.blame_suspects = self.blame_suspects
+        manager.life.blame_suspects, manager.life.maker_of = self.blame_suspects, self._calls.maker_of
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
         """Put a reload's components on probation; arguments as of `Probation`. The reload adds to them later."""
