@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from contextlib import suppress
 
 from snr_sim.core.loop import Loop, WakingPages
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.source_location import current_location
 from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task
 
 # In periods of the loop's rate: the minimum time from the last tick to one requested by `wake`, and how long the tick
 # after that waits for the next `wake`. A loop that gets one `wake` per period then ticks at these calls: neither
 # twice per period, nor with a growing delay.
 _MIN_WAKE_PERIODS, _MAX_WAKE_WAIT_PERIODS = 0.5, 1.5
+_MAX_STORE_WAIT_S, _POLL_S = 0.5, 0.001  # for the node to store the pages of `setup`: it may be busy
 # How long a node waits for a loop's thread at the end: longer than a correct tick, short enough for a user at Ctrl-C.
 JOIN_TIMEOUT_S = 0.5
 
@@ -55,7 +58,7 @@ class ThreadExecutor:
     def _run(self) -> None:
         life, loop = self._life, self._loop
         try:
-            life.call_loop(loop, "setup")
+            self._set_up()
             if loop.setup_result is not None:
                 loop.setup_result.set_result(None)
             self._tick_on_deadlines()
@@ -66,6 +69,27 @@ class ThreadExecutor:
                 self._report(failure)
         finally:
             self._halt_once()
+
+    def _set_up(self) -> None:
+        """Call `setup`, and wait until the node has stored its pages: `loop` may look them up, as in lock step."""
+        loop, pages = self._loop, dict[DataKey, Page]()
+        schedule = loop.schedule
+
+        def keep(tasks: SomeTasks) -> None:
+            schedule(tasks)
+            scheduled = [tasks] if isinstance(tasks, Task) else tasks or ()
+            pages.update((one.page.key, one.page) for one in scheduled if one is not None and one.page is not None)
+
+        vars(loop)["schedule"] = keep
+        try:
+            self._life.call_loop(loop, "setup")
+        finally:
+            del vars(loop)["schedule"]
+        stored, give_up_s = loop.parent.datastore.pages, time.monotonic() + _MAX_STORE_WAIT_S
+        for key, page in pages.items():
+            while (newest := stored.get(key)) is None or newest.created_at_s < page.created_at_s:
+                if time.monotonic() > give_up_s or self._stopping.wait(_POLL_S):
+                    return
 
     def _report(self, failure: ComponentFailedError) -> None:
         if self._has_setup_failed or self._loop.is_removed:  # then the node continues
