@@ -16,7 +16,7 @@ from snr_sim.core.clocks import ClockExecutor, SimClock, WallClock
 from snr_sim.core.component import CORE_NAME, NodeComponent, data_of_page
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config, Mode
-from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, page_age_s
+from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, check_executable, page_age_s
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
@@ -195,11 +195,14 @@ class Node(NodeMembers):
 
     def enqueue_input(self, tasks: SomeTasks, source: str) -> None:
         """Put tasks in the inbox, from any thread; `source` names the sender. Raise a TaskError for anything else."""
-        if type(tasks) is Task:
+        is_checked = self.machine.guarded_call is not None or not self.is_in_lock_step  # new code, or on the wall clock
+        if type(tasks) is Task and not is_checked:
             self.inbox.put(tasks, source)
             return
         for task in tasks if isinstance(tasks, (list, tuple)) else [tasks]:
             if type(task) is Task:
+                if is_checked:
+                    check_executable(task)
                 self.inbox.put(task, source)
             elif task is not None:
                 raise TaskError(

@@ -180,6 +180,33 @@ def test_rollback_restores_all_components_of_reload(student: Student) -> None:
     assert "rolled back: one, two as before it." in outcome(node)["message"]
 
 
+MAKING_TASKS = PILOT.replace("import Endpoint, EndpointFactory", "import Endpoint, EndpointFactory, Page, Task, tasks")
+
+
+@pytest.mark.parametrize(
+    ("made", "what"),
+    [
+        ("tasks.event(5)", "A task has the name 5, which is not text."),
+        ("Task('event', 'go')", "A task has the type 'event'."),
+        ("Task(TaskType.event, 'go', None)", "The task event 'go' carries None, which is not a list."),
+        ("Task(TaskType.store_page, 'x')", "The task store_page 'x' carries no page."),
+        ("Task(TaskType.store_page, 'x', [5])", "A store_page task carries 5, which is not a page."),
+        ("Task(TaskType.store_page, 'x', [Page(5, 1, 'r_node', 0.0)])", "A page has the key 5, which is not text."),
+        ("[tasks.event('go')] * 1001", "'pilot' has made 1001 tasks in one call, most of them event 'go'."),
+    ],
+)
+def test_new_code_that_makes_tasks_which_the_node_cannot_execute_is_rolled_back(
+    student: Student, made: str, what: str
+) -> None:
+    factory = student.load(MAKING_TASKS).PilotFactory()
+    change = reload(student, MAKING_TASKS.replace(ANSWER, f"return {made}\n            {ANSWER}"))
+    node, thrusts = run([factory], [thrust_task, change, thrust_task, thrust_task], max_tasks_per_moment=1000)
+    assert thrusts == [[1, 1, 2], [2, 2, 3], [3, 3, 4]]
+    lines = outcome(node)["message"].splitlines()
+    assert f"  {what}" in lines
+    assert "  1.000 s after its reload, which was rolled back: pilot as before it." in lines
+
+
 def test_component_that_was_removed_since_does_not_come_back(student: Student) -> None:
     module = student.load(PILOT)
     one, two = module.PilotFactory("one"), module.PilotFactory("two")
@@ -200,6 +227,40 @@ def test_loop_that_fails_in_its_first_ticks_leaves_its_place_to_the_old_one(stud
     assert "rolled back: counter as before it." in outcome(node)["message"]
     assert outcome(node)["message"].splitlines()[0].endswith(": self.missing()")
     assert factory.log == ["setup", "halt", "terminate", "setup", "halt", "terminate"]
+
+
+MAKING_LOOP = LOOP.replace("import Loop, LoopFactory", "import Loop, LoopFactory, Task, TaskType, tasks")
+
+
+@pytest.mark.parametrize(
+    ("step", "line", "what"),
+    [
+        ("self.schedule(tasks.event(5))", "self.schedule(tasks.event(5))", "A task has the name 5"),
+        ("return Task(TaskType.store_page, 'x', [5])", "def loop(self):", "A store_page task carries 5"),
+        ("return [tasks.event('go')] * 1001", "def loop(self):", "'counter' has made 1001 tasks in one call"),
+        ("[self.schedule(tasks.event('go')) for _ in range(1001)]", "def loop(self):", "'counter' has made 1002 tasks"),
+        (
+            "self.next_tick_at_s = 'soon'",
+            "self.next_tick_at_s = 'soon'",
+            "next_tick_at_s = 'soon', which is not a time",
+        ),
+        ("self.next_tick_at_s = float('nan')", "float('nan')", "next_tick_at_s = nan, which is not a time."),
+        ("self.next_tick_at_s = 0.0", "self.next_tick_at_s = 0.0", "loop 'counter', whose next_tick_at_s is not later"),
+        ("self.next_tick_at_s = 0.0; return", "def loop(self):", "After each of 1000 ticks in a row"),
+    ],
+)
+def test_loop_whose_new_code_lets_time_stand_still_or_makes_no_tasks_is_rolled_back(
+    student: Student, step: str, line: str, what: str
+) -> None:
+    factory = student.load(MAKING_LOOP).CounterFactory()
+    before = "self.factory.count += 1\n"
+    change = reload(student, MAKING_LOOP.replace(before, f"{before}            {step}\n"), "counter")
+    node, counts = run([factory], [change], 0.25, until_s=0.5, max_tasks_per_moment=1000)
+    message = outcome(node)["message"]
+    assert message.splitlines()[0].endswith(line)
+    assert what in message
+    assert "rolled back: counter as before it." in message
+    assert counts[-2:] == [5, 6]
 
 
 def test_loop_that_fails_later_ends_the_run(student: Student) -> None:

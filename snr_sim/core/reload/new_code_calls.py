@@ -8,14 +8,18 @@ same event records a loop that could not begin, since a replay begins no loops.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, TypeVar
 
 from snr_sim.core.component import CORE_NAME
+from snr_sim.core.datastore import check_executable
+from snr_sim.core.handlers import describe
 from snr_sim.core.machine import GuardedCall
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.runaway import ENDLESS_FIX
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.errors import ComponentFailedError, TaskError
 from snr_sim.prelude.task import Page, Task
 
 MAX_MADE = 1000  # tasks of new code that are remembered
@@ -80,6 +84,7 @@ class NewCodeCalls:
                 raise
         else:
             if not guarded.is_interrupted:  # its code has not caught an interrupt
+                self.check(guarded.scheduled, component)
                 self.keep(component, guarded.scheduled)
                 return returned, guarded.scheduled
         if what:
@@ -94,6 +99,17 @@ class NewCodeCalls:
             return function()
         finally:
             machine.guarded_call = None  # until here it may be interrupted, and not after it
+
+    def check(self, made: Sequence[Task], component: str) -> None:
+        """Raise a TaskError if the node cannot execute what a call has made, or not as many tasks at one moment."""
+        for task in made:
+            check_executable(task)
+        if len(made) > self._node.config.max_tasks_per_moment:
+            ((usual, _),) = Counter(task.id() for task in made).most_common(1)
+            raise TaskError(
+                f"'{component}' has made {len(made)} tasks in one call, most of them {describe(usual)}.",
+                fix=ENDLESS_FIX,
+            )
 
     def keep(self, component: str, made: Sequence[Task]) -> None:
         """Remember tasks that a component's new code has made."""

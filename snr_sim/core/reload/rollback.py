@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import partial, wraps
 
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.handlers import as_tasks, handler_name
+from snr_sim.core.handlers import as_tasks, handler_name, schedule_returned
 from snr_sim.core.loop import Loop
 from snr_sim.core.machine import GuardedCall
 from snr_sim.core.reload.new_code_calls import AbandonedCallError, origin_of
@@ -27,7 +27,7 @@ from snr_sim.core.reload.reload import AnyComponent, ComponentManager
 from snr_sim.core.run_diagnostics import writers_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.errors import ComponentFailedError, TaskError
 from snr_sim.prelude.task import Page, SomeTasks, Task, TaskHandler, TaskId, TaskType
 
 # New code is on probation until this node time has passed and its component's handlers have been called this often. A
@@ -110,10 +110,14 @@ class Probations:
         is_on = probation is not None and probation.is_on(loop.name, self._node.machine.now_s)
         return partial(self._call_loop, loop) if is_on else loop.loop
 
-    def _call_loop(self, loop: Loop) -> SomeTasks:
+    def _call_loop(self, loop: Loop) -> None:
+        def call() -> None:
+            schedule_returned(loop.loop(), loop, loop.loop)
+            self._calls.check([task for task, source in self._node.inbox.waiting if source == loop.name], loop.name)
+
         try:
-            return self._calls.call("", loop.name, loop.loop)
-        except AbandonedCallError:
+            self._calls.call("", loop.name, call)
+        except (AbandonedCallError, TaskError):
             self._node.inbox.drop(loop.name)  # there may be very many
             raise
 
@@ -156,6 +160,7 @@ class Probations:
                 returned, scheduled = self._calls.call_guarded(
                     what, name, lambda: as_tasks(handler(task, task_id), component, handler)
                 )
+                self._calls.check(returned, name)
                 self._calls.keep(name, returned)
                 return [*scheduled, *returned]
             except (Exception, SystemExit) as error:
