@@ -10,6 +10,7 @@ import difflib
 import dis
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from itertools import islice
 from types import CodeType, FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -34,6 +35,7 @@ from snr_sim.prelude.task import DataKey, Page, TaskName, TaskType
 
 _STEPS = ("begin", "join", "halt", "terminate")
 NEXT_LINE = "\n  "
+MAX_OF_A_KIND = 10
 Find: TypeAlias = Callable[[DataKey, Iterable[Component]], "list[PageWriter]"]
 SeenTasks = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
 
@@ -52,13 +54,21 @@ def run_diagnostics(
     find = find or own_writers
     # The node's own endpoint has handlers for requests that are all optional.
     of_the_robot = {name: component for name, component in components.items() if name != CORE_NAME}
-    return [
-        *_unhandled(of_the_robot, seen),
-        *_never_called(of_the_robot, seen, datastore, find),
-        *without_handlers(of_the_robot, seen, with_locations=find is own_writers),
-        *_never_stored(of_the_robot, datastore, find),
-        *_named_as_previous(datastore),
-    ]
+    kinds = {
+        "tasks without a handler": _unhandled(of_the_robot, seen),
+        "handlers that were never called": _never_called(of_the_robot, seen, datastore, find),
+        "endpoints without handlers": without_handlers(of_the_robot, seen, with_locations=find is own_writers),
+        "pages that were never stored": _never_stored(of_the_robot, datastore, find),
+        "pages with the name of another one's previous page": _named_as_previous(datastore),
+    }
+    return [sentence for kind, sentences in kinds.items() for sentence in _first_few(sentences, kind)]
+
+
+def _first_few(sentences: Iterator[str], kind: str) -> Iterator[str]:
+    """Yield the first sentences of a kind: a program that makes names up may have thousands, and each takes time."""
+    yield from islice(sentences, MAX_OF_A_KIND)
+    if next(sentences, None) is not None:
+        yield f"There are more {kind}, which are left out."
 
 
 def _optional(components: Mapping[str, Component]) -> set[TaskName]:
