@@ -125,7 +125,8 @@ class Beat(Parts, Loop):
 
 
 # top
-config = Config(factories={{"r": [One.factory("one"), Two.factory("two"), Beat.factory("beat")]}}, max_tasks_per_moment=1000)
+made = [One.factory("one"), Two.factory("two"), Beat.factory("beat")]
+config = Config(factories={{"r": made}}, max_tasks_per_moment=1000)
 """
 
 
