@@ -207,6 +207,38 @@ def test_new_code_that_makes_tasks_which_the_node_cannot_execute_is_rolled_back(
     assert "  1.000 s after its reload, which was rolled back: pilot as before it." in lines
 
 
+ADDING = (
+    MAKING_TASKS
+    + """
+    class Late(Endpoint):
+        def __init__(self, factory, parent, name):
+            super().__init__(factory, parent, name)
+            self.task_handlers = {(TaskType.event, "late"): self.on_late}
+
+        def on_late(self, task, task_id):
+            self.missing()
+
+    class LateFactory(EndpointFactory):
+        def get(self, parent):
+            return Late(self, parent, "late")
+"""
+)
+
+
+@pytest.mark.parametrize("then", ["return tasks.event('late')", "self.missing()"])
+def test_component_that_new_code_adds_is_on_probation_with_it(student: Student, then: str) -> None:
+    factory = student.load(ADDING).PilotFactory()
+    is_own_failure = then.startswith("return")
+    adds = f"if self.count > 2: {then}\n            return tasks.add_component(LateFactory())"
+    change = reload(student, ADDING.replace(ANSWER, f"self.count += 1\n            {adds}\n            {ANSWER}"))
+    node, thrusts = run([factory], [thrust_task, change, thrust_task, thrust_task])
+    assert list(node.components) == ["node_core", "pilot"]
+    message = outcome(node)["message"]
+    assert "rolled back: pilot as before it.\n  'late', which its code had added, was removed." in message
+    assert ("in on_late(), component 'late'" in message) == is_own_failure
+    assert len(thrusts) == (1 if is_own_failure else 2)
+
+
 def test_component_that_was_removed_since_does_not_come_back(student: Student) -> None:
     module = student.load(PILOT)
     one, two = module.PilotFactory("one"), module.PilotFactory("two")

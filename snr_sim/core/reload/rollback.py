@@ -42,7 +42,7 @@ class Probation:
 
     Args:
         number: of the reload in its node, which began at node time `began_s`.
-        old, new: the components that were exchanged, by name.
+        old, new: the components that were exchanged, by name; those that the new code has added are in `new` only.
         undo: restores the code and the state of the factories.
         calls: number of handler calls of each new component, by its name.
     """
@@ -78,6 +78,7 @@ class Probations:
         if self._node.is_replay:
             self._node.machine.on_input = self.on_input
         manager.put_on_probation, manager.life.handle_failure = self.begin, self.handle_failure
+        manager.put_added_on_probation = self.begin_added
         manager.life.blame_suspects, manager.life.maker_of = self.blame_suspects, self._calls.maker_of
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
@@ -92,6 +93,14 @@ class Probations:
         self._node.machine.lookup.wrap_handler = self.wrap_handler
         self._node.machine.on_input = self.on_input
         self._manager.life.wrap_loop = self.wrap_loop
+
+    def begin_added(self, task: Task, component: AnyComponent) -> None:
+        """Put a component on probation if new code that is has made the task that added it."""
+        _, maker = self._calls.made.get(id(task), (None, ""))
+        probation = self._find(maker)
+        if probation is not None:
+            probation.new[component.name] = component
+            self._node.handlers_changed()
 
     def on_input(self, task: Task, source: str) -> None:
         """Remember a page that a loop on probation brings; in a replay also a failed call."""
@@ -269,7 +278,7 @@ class Probations:
             for created in probation.new.values():
                 remarks += [failure.message for failure in self._manager.life.end_removed(created)]
             probation.undo()
-            old |= probation.old
+            old = {one: was for one, was in old.items() if one not in probation.new} | probation.old
             new = probation.new | new
         self._undone_s[name] = self._node.machine.now_s
         self._calls.roll_back(new)
@@ -277,11 +286,15 @@ class Probations:
         there = self._manager.all()
         back = [one for one in there if new.get(one) is there[one]]  # the others have been removed since
         for one in back:
-            self._manager.replace_component(new[one], old[one])
-            remarks += self._manager.begin_again(old[one])
+            self._manager.replace_component(new[one], old.get(one))
+            if one in old:
+                remarks += self._manager.begin_again(old[one])
+            else:
+                remarks.append(f"'{one}', which its code had added, was removed.")
         after_s = self._node.machine.now_s - failed.began_s
         what, _, fix = message.partition("\n  Try: ")
-        words = f"{subject}{after_s:.3f} s after its reload, which was rolled back: {', '.join(back)} as before it."
+        as_before = ", ".join(one for one in back if one in old)
+        words = f"{subject}{after_s:.3f} s after its reload, which was rolled back: {as_before} as before it."
         fix = fix or "correct this line and save the file again."
         lines = "\n  ".join([what, words, *remarks, f"Try: {fix}"])
         return self._manager.report(TaskType.reload.value, name, False, lines)
