@@ -58,9 +58,10 @@ class ThreadExecutor:
     def _run(self) -> None:
         life, loop = self._life, self._loop
         try:
-            self._set_up()
+            pages = self._set_up()
             if loop.setup_result is not None:
-                loop.setup_result.set_result(None)
+                loop.setup_result.set_result(None)  # first: the node may wait for it, and stores nothing meanwhile
+            self._wait_until_stored(pages)
             self._tick_on_deadlines()
         except BaseException as error:
             failure = life.report.failure_of(loop, error, "loop")
@@ -70,8 +71,8 @@ class ThreadExecutor:
         finally:
             self._halt_once()
 
-    def _set_up(self) -> None:
-        """Call `setup`, and wait until the node has stored its pages: `loop` may look them up, as in lock step."""
+    def _set_up(self) -> dict[DataKey, Page]:
+        """Call `setup`, and return the pages that it has stored."""
         loop, pages = self._loop, dict[DataKey, Page]()
         schedule = loop.schedule
 
@@ -85,7 +86,11 @@ class ThreadExecutor:
             self._life.call_loop(loop, "setup")
         finally:
             del vars(loop)["schedule"]
-        stored, give_up_s = loop.parent.datastore.pages, time.monotonic() + _MAX_STORE_WAIT_S
+        return pages
+
+    def _wait_until_stored(self, pages: dict[DataKey, Page]) -> None:
+        """Wait until the node has stored pages of `setup`: `loop` may look them up, as in lock step."""
+        stored, give_up_s = self._loop.parent.datastore.pages, time.monotonic() + _MAX_STORE_WAIT_S
         for key, page in pages.items():
             while (newest := stored.get(key)) is None or newest.created_at_s < page.created_at_s:
                 if time.monotonic() > give_up_s or self._stopping.wait(_POLL_S):
