@@ -267,7 +267,7 @@ def find_writer(key: DataKey, components: Iterable[Component]) -> WriterInfo:
 
 
 def describe_unusable_page(node: NodeApi, page: Page, what: str, reader: str) -> tuple[str, tuple[str, ...]]:
-    """Return an error's text with who made the page that it is about, and the components of the node that may have.
+    """Return an error's text with the maker of the page that it is about, and the node's components that may be it.
 
     Args:
         node: which has the page.

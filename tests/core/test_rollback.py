@@ -345,9 +345,7 @@ def test_new_code_that_stores_an_invalid_command_leaves_its_place_to_the_old_cod
 
 
 @pytest.mark.parametrize("value", ["object()", "2**70", "'x' * (1 << 21)", "[" * 101 + "]" * 101])
-def test_new_code_that_stores_what_a_link_cannot_send_leaves_its_place_to_the_old_code(
-    student: Student, value: str
-) -> None:
+def test_new_code_that_stores_what_a_link_cannot_send_is_rolled_back(student: Student, value: str) -> None:
     factory = student.load(COMMANDS).Pilot.factory(name="pilot")
     link = SocketsPair(("127.0.0.1", 1), name="tether").server("engine")
     wrong = reload(student, COMMANDS.replace('{"throttle": 0.5}', value))
@@ -360,7 +358,7 @@ def test_new_code_that_stores_what_a_link_cannot_send_leaves_its_place_to_the_ol
     assert node.components["link_tether"].dropped == 2  # type: ignore[attr-defined]
 
 
-def test_rollback_is_of_the_code_that_made_the_page_whoever_else_names_its_key(student: Student) -> None:
+def test_rollback_restores_maker_of_page_though_another_names_its_key(student: Student) -> None:
     factory = student.load(COMMANDS).Pilot.factory(name="pilot")
     other = FunctionEndpointFactory({(TaskType.event, "idle"): lambda task, task_id: print("engine")}, "other")
     link = SocketsPair(("127.0.0.1", 1), name="tether").server("engine")

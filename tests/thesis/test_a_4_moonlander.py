@@ -213,7 +213,7 @@ def store_by_a_function(task: Task, key: TaskId) -> SomeTasks:
         (store_by_a_function, r"line \d+: return tasks\.store_data\(.*Try: self\.store_data_task\(key, data\)"),
     ],
 )
-def test_what_runs_in_no_library_is_reported_with_its_line(handler: TaskHandler, message: str) -> None:
+def test_line_that_runs_in_no_library_is_reported(handler: TaskHandler, message: str) -> None:
     pilot = FunctionEndpointFactory({(TaskType.store_data, "radar_data"): handler}, "q_learning_controller")
     with pytest.raises(ComponentFailedError, match=f"(?s){message}"):
         falling(FallingFactory(), pilot)
