@@ -95,7 +95,7 @@ EDITS = (
     "edit('# spare', 'self.store_data(\"alpha\", \"poison\")')",
     "edit('# spare', 'self.store_data(\"far\", 2**70)')",
     "edit('# spare', 'self.schedule(tasks.event(5))')",
-    "edit('# spare', 'out.append(tasks.add_component(Extra.factory(\"late\")))')",
+    "edit('# spare', 'not isinstance(self, Loop) and self.schedule(tasks.add_component(Extra.factory(\"late\")))')",
     "edit('# spare', 'self.rng.random()')",
     "edit('GAIN = 1', 'GAIN =')",
     "edit('GAIN = 1', 'GAIN = 1 / 0')",
