@@ -162,7 +162,7 @@ class ClockExecutor:
         if self.is_stopped:
             return
         self._next_tick_at_s, time_s = self._loop.next_tick_at_s, self._next_s()
-        if time_s < NEVER_S:
+        if time_s < NEVER_S and not self.is_stopped:
             self._next = self._clock.call_at(time_s, self._tick, self._order)
 
     def _call(self) -> None:
@@ -172,9 +172,12 @@ class ClockExecutor:
         try:
             self._life.call_loop(self._loop, "loop")
         except ComponentFailedError as failure:
-            self.is_stopped = True
-            if not self._life.handle_failure(self._loop, failure):
-                raise
+            self._fail(failure)
+
+    def _fail(self, failure: ComponentFailedError) -> None:
+        self.is_stopped = True
+        if not self._life.handle_failure(self._loop, failure):
+            raise failure
 
     def _next_s(self) -> float:
         target_s, now_s = self._loop.next_tick_at_s, self._clock.now_s()
@@ -188,7 +191,7 @@ class ClockExecutor:
             return target_s
         self._at_once += 1
         if self._at_once > self._life.node.config.max_tasks_per_moment:
-            raise self._life.report.failure_of(self._loop, _standstill_error(target_s, self._at_once - 1), "loop")
+            self._fail(self._life.report.failure_of(self._loop, _standstill_error(target_s, self._at_once - 1), "loop"))
         return now_s
 
     def wake(self) -> None:

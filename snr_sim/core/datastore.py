@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from snr_sim.core.handlers import check_task
 from snr_sim.core.machine import EventMachine
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.node_api import NodeApi
@@ -52,14 +53,11 @@ class Datastore:
             key = page.key
             old = self.pages.get(key)
         except (AttributeError, TypeError):
-            raise TaskError(
-                f"A store_page task carries {page!r}, which is not a page.",
-                fix="self.store_data_task(key, data) makes a right one.",
-            ) from None
+            raise _not_a_page(page) from None
         if old is not None:
             self.previous[key] = old
         elif not isinstance(key, str):
-            raise TaskError(f"A page has the key {key!r}, which is not text.", fix="give it a name: 'depth'.")
+            raise _not_a_page(page)
         self.pages[key] = page
         self.stored += 1
         return old
@@ -99,10 +97,7 @@ class PageStorage:
         """Put the page in the datastore, and schedule its processing if it requests that."""
         values = task.val_list
         if not (values and isinstance(values, (list, tuple))):
-            raise TaskError(
-                f"The task store_page '{task.name}' carries {values or 'no page'!r}, not a list with a page.",
-                fix="self.store_data_task(key, data).",
-            )
+            raise _without_page(task)
         page = values[0]
         before = self._put(page)
         if page.origin != self._own_name:
@@ -126,6 +121,33 @@ class PageStorage:
     def page_before(self, page: Page) -> Page | None:
         """Return the page of the same key stored before `page`, whose `process_data` task is being executed."""
         return next((before for one, before in self._waiting if one is page), None)
+
+
+def check_executable(task: Task) -> None:
+    """Raise a TaskError unless a node can execute a task, and store its page if it is to."""
+    check_task(task)
+    if task.type is not TaskType.store_page:
+        return
+    if not task.val_list:
+        raise _without_page(task)
+    page: Any = task.val_list[0]
+    if not (type(page) is Page and isinstance(page.key, str)):
+        raise _not_a_page(page)
+
+
+def _without_page(task: Task) -> TaskError:
+    return TaskError(
+        f"The task store_page '{task.name}' carries no page.", fix="self.store_data_task(key, data) makes a right one."
+    )
+
+
+def _not_a_page(page: Any) -> TaskError:
+    if type(page) is Page:
+        return TaskError(f"A page has the key {page.key!r}, which is not text.", fix="give it a name: 'depth'.")
+    return TaskError(
+        f"A store_page task carries {page!r}, which is not a page.",
+        fix="self.store_data_task(key, data) makes a right one.",
+    )
 
 
 def page_age_s(node: NodeApi, page: Page) -> float:

@@ -103,10 +103,7 @@ class HandlerLookup:
         Raises:
             TaskError: its type is not a TaskType, or its name is not a str.
         """
-        if task.type not in self.cache:
-            raise TaskError(f"A task has the type {task.type!r}.", fix=suggest(str(task.type), TaskType.__members__))
-        if not isinstance(task.name, str):
-            raise TaskError(f"A task has the name {task.name!r}, which is not text.", fix="values go into val_list.")
+        check_task(task)
         by_name = self.cache[task.type]
         entries = by_name.get(task.name)
         if entries is None:
@@ -136,6 +133,16 @@ class HandlerLookup:
         if self._profiler is not None:
             handler = self._profiler.timed(".".join(label), handler)
         return component, handler, task_id, label
+
+
+def check_task(task: Task) -> None:
+    """Raise a TaskError unless a node can execute a task: its type, its name, and that its values are a list."""
+    if not isinstance(task.type, TaskType):
+        raise TaskError(f"A task has the type {task.type!r}.", fix=suggest(str(task.type), TaskType.__members__))
+    if not isinstance(task.name, str):
+        raise TaskError(f"A task has the name {task.name!r}, which is not text.", fix="values go into val_list.")
+    if not isinstance(task.val_list, (list, tuple)):
+        raise TaskError(f"The task {describe(task.id())} carries {task.val_list!r}, which is not a list.", fix="[].")
 
 
 def _is_change(kind: TaskType, name: TaskName) -> bool:

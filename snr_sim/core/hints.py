@@ -159,7 +159,7 @@ def _of_type(error: Any, trace: TracebackType | None) -> str:
         if "task_handlers" in line or "TaskType." in line:
             name = ast.unparse(node.func)
             return f"leave out the brackets: {name}, not {ast.unparse(node)}; the node calls the handler itself."
-        if "Endpoint.__init__" in message or "Loop.__init__" in message:
+        if message.startswith(("Endpoint.__init__", "Loop.__init__")):  # and not of a class of the student's
             return "super().__init__(factory, parent, name)."
         return f"give them: {ast.unparse(node.func)}{_signature(_value(node.func, trace))}."
     if "object.__init__() takes" in message:
@@ -167,9 +167,13 @@ def _of_type(error: Any, trace: TracebackType | None) -> str:
     if "object is not subscriptable" in message and isinstance(node, ast.Subscript):
         what, part = ast.unparse(node.value), ast.unparse(node.slice)
         is_method = "method' object" in message
+        if "'Page' object" in message:
+            return f"a page has its data in data: {what}.data[{part}]."
         return (
             f"call it, with round brackets: {what}({part})." if is_method else f"leave out [{part}]: it has no parts."
         )
+    if "object of type 'Page' has no" in message:
+        return "a page has its data in data: page.data."
     unexpected = re.search(r"unexpected keyword argument '(\w+)'", message)
     if unexpected is not None and isinstance(node, ast.Call) and (known := _parameters(_value(node.func, trace))):
         return suggest(unexpected[1], known, "it takes")

@@ -7,6 +7,7 @@ The author writes `setup`, `loop`, `halt` and `terminate`; an executor calls the
 from __future__ import annotations
 
 from collections import deque
+from math import isnan
 from numbers import Real
 from queue import Empty, SimpleQueue
 from typing import Any, Literal, Protocol
@@ -110,6 +111,10 @@ def _is_rate(value: object) -> bool:
     return isinstance(value, Real) and 0 <= float(value) < float("inf")
 
 
+def _is_time(value: object) -> bool:
+    return isinstance(value, Real) and not isnan(float(value))
+
+
 class LoopFactory(ComponentFactory):
     """Factory of a loop."""
 
@@ -137,10 +142,6 @@ class Loop(LoopMembers, NodeComponent):
     executor: Literal["thread", "process"] = "thread"
     max_tick_rate_hz: float = 1000.0
     first_tick_after_s: float = 0.0  # delay from `begin` to the first `loop`; a loop may set its own
-    # Node time of the next `loop`; None: the next of its rate. A loop that is not periodic, or idle for a time, sets it
-    # in each `loop`, also if a page has caused it. A time in the past means at once; NEVER_S that only a page in
-    # `wakes_on` causes the next one, or on a thread `wake`.
-    next_tick_at_s: float | None = None
     # Keys of pages after which `loop` is called at once, beside its rate: in lock step at the same moment, when
     # everything else at that moment is done.
     wakes_on: tuple[DataKey, ...] = ()
@@ -165,6 +166,7 @@ class Loop(LoopMembers, NodeComponent):
         self.max_tick_rate_hz = rate_hz
         self.task_handlers: TaskHandlerMap = {}  # a loop only sends tasks; endpoints handle them
         self._executor: LoopExecutor | None = None
+        self._next_tick_at_s: float | None = None
         self.setup_result: SetupResult | None = None  # of `setup` on a thread, if a caller waits
         self.is_removed: bool = False  # removed: its node continues, whatever its `halt` raises
 
@@ -201,6 +203,27 @@ class Loop(LoopMembers, NodeComponent):
         """Start ticking with a given executor: in a process that process' own; elsewhere `begin` chooses it."""
         self._executor = executor
         executor.start()
+
+    @property
+    def next_tick_at_s(self) -> float | None:
+        """Node time of the next `loop`; None: the next of its rate.
+
+        A loop that is not periodic, or idle for a time, sets it in each `loop`, also if a page has caused it. A time in
+        the past means at once; NEVER_S that only a page in `wakes_on` causes the next one, or on a thread `wake`.
+
+        Raises:
+            ParameterError: it is set to something that is not a number.
+        """
+        return self._next_tick_at_s
+
+    @next_tick_at_s.setter
+    def next_tick_at_s(self, time_s: float | None) -> None:
+        if time_s is not None and not _is_time(time_s):
+            raise ParameterError(
+                f"Loop '{self.name}' has next_tick_at_s = {time_s!r}, which is not a time.",
+                fix="self.get_time_s() plus a delay, or None.",
+            )
+        self._next_tick_at_s = time_s
 
     def wake(self) -> None:
         """Request the next tick now instead of when it is due, because new data arrived. From any thread.

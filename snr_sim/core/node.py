@@ -13,10 +13,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.clocks import ClockExecutor, SimClock, WallClock
-from snr_sim.core.component import CORE_NAME, data_of_page
+from snr_sim.core.component import CORE_NAME, NodeComponent, data_of_page
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config, Mode
-from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, page_age_s
+from snr_sim.core.datastore import PREVIOUS, Datastore, PageStorage, check_executable, page_age_s
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import HandlerLookup, as_tasks
 from snr_sim.core.inbox import Inbox
@@ -174,7 +174,10 @@ class Node(NodeMembers):
 
     def find_writer(self, key: DataKey, reader: str) -> tuple[str, str, tuple[str, ...]]:
         """Return what is known of the component that stores pages of a key: see `run_diagnostics.find_writer`."""
-        return find_writer(key, [one for one in self.components.values() if one.name != reader])
+        robot = [one for one in self.components.values() if isinstance(one, NodeComponent) and one.is_robot_component]
+        maker = self.life.maker_of(self.datastore.pages.get(key))
+        makers = [one for one in robot if one.name == maker]
+        return find_writer(key, makers or [one for one in robot if one.name != reader])
 
     # Tasks
 
@@ -192,11 +195,14 @@ class Node(NodeMembers):
 
     def enqueue_input(self, tasks: SomeTasks, source: str) -> None:
         """Put tasks in the inbox, from any thread; `source` names the sender. Raise a TaskError for anything else."""
-        if type(tasks) is Task:
+        is_checked = self.machine.guarded_call is not None or not self.is_in_lock_step  # new code, or on the wall clock
+        if type(tasks) is Task and not is_checked:
             self.inbox.put(tasks, source)
             return
         for task in tasks if isinstance(tasks, (list, tuple)) else [tasks]:
             if type(task) is Task:
+                if is_checked:
+                    check_executable(task)
                 self.inbox.put(task, source)
             elif task is not None:
                 raise TaskError(

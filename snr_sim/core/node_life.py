@@ -15,7 +15,7 @@ from snr_sim.core.run_diagnostics import no_writers, run_diagnostics
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TraceError
 from snr_sim.prelude.recorder import NodeRecorder
-from snr_sim.prelude.task import SomeTasks
+from snr_sim.prelude.task import Page, SomeTasks
 
 # From this many waiting tasks on an overload is reported. A burst of a few hundred tasks is normal.
 OVERLOAD_TASKS = 1000
@@ -30,6 +30,7 @@ class NodeLife:
         handle_failure: handles the failure of a loop without ending the run if it can, and returns whether it did.
         wrap_loop: returns what is called as a loop's `loop` on the node's thread; None: itself.
         blame_suspects: the same if others have caused a failure, so that what failed continues.
+        maker_of: returns the component whose new code has made a page; "": not known.
     """
 
     def __init__(
@@ -43,6 +44,7 @@ class NodeLife:
         self.handle_failure: Callable[[Loop, ComponentFailedError], bool] = lambda loop, failure: False
         self.wrap_loop: Callable[[Loop], Callable[[], SomeTasks]] | None = None
         self.blame_suspects: Callable[[ComponentFailedError], bool] = lambda failure: False
+        self.maker_of: Callable[[Page | None], str] = lambda page: ""
         self._recorder = recorder
         self._begun: list[Component] = []
 

@@ -11,7 +11,6 @@ from snr_sim.core.machine import EventMachine
 from snr_sim.core.node_report import NodeReport
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.node_api import NodeApi
 
 
@@ -43,9 +42,6 @@ class NodeParts(NodeApi, Protocol):
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Finish what is queued, then halt and terminate each component."""
-
-    def blame_suspects(self, failure: ComponentFailedError) -> bool:
-        """Undo new code that may have caused another's failure, which continues; return whether there is such code."""
 
     def has_begun(self, component: Component) -> bool:
         """Return whether a component has begun and has not been terminated."""

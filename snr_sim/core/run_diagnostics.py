@@ -10,6 +10,7 @@ import difflib
 import dis
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from itertools import islice
 from types import CodeType, FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
@@ -20,6 +21,7 @@ from snr_sim.core.handlers import Entry, describe
 from snr_sim.core.source_location import (
     SourceLocation,
     after_line,
+    class_location,
     is_content,
     is_student_file,
     location_in,
@@ -27,11 +29,13 @@ from snr_sim.core.source_location import (
 )
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import suggest
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.prelude.task import DataKey, TaskName, TaskType
+from snr_sim.prelude.task import DataKey, Page, TaskName, TaskType
 
 _STEPS = ("begin", "join", "halt", "terminate")
 NEXT_LINE = "\n  "
+MAX_OF_A_KIND = 10
 Find: TypeAlias = Callable[[DataKey, Iterable[Component]], "list[PageWriter]"]
 SeenTasks = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
 
@@ -50,13 +54,21 @@ def run_diagnostics(
     find = find or own_writers
     # The node's own endpoint has handlers for requests that are all optional.
     of_the_robot = {name: component for name, component in components.items() if name != CORE_NAME}
-    return [
-        *_unhandled(of_the_robot, seen),
-        *_never_called(of_the_robot, seen, datastore, find),
-        *without_handlers(of_the_robot, seen, with_locations=find is own_writers),
-        *_never_stored(of_the_robot, datastore, find),
-        *_named_as_previous(datastore),
-    ]
+    kinds = {
+        "tasks without a handler": _unhandled(of_the_robot, seen),
+        "handlers that were never called": _never_called(of_the_robot, seen, datastore, find),
+        "endpoints without handlers": without_handlers(of_the_robot, seen, with_locations=find is own_writers),
+        "pages that were never stored": _never_stored(of_the_robot, datastore, find),
+        "pages with the name of another one's previous page": _named_as_previous(datastore),
+    }
+    return [sentence for kind, sentences in kinds.items() for sentence in _first_few(sentences, kind)]
+
+
+def _first_few(sentences: Iterator[str], kind: str) -> Iterator[str]:
+    """Yield the first sentences of a kind: a program that makes names up may have thousands, and each takes time."""
+    yield from islice(sentences, MAX_OF_A_KIND)
+    if next(sentences, None) is not None:
+        yield f"There are more {kind}, which are left out."
 
 
 def _optional(components: Mapping[str, Component]) -> set[TaskName]:
@@ -238,14 +250,36 @@ def writers_of(key: DataKey, components: Iterable[Component]) -> list[PageWriter
 
 
 def find_writer(key: DataKey, components: Iterable[Component]) -> WriterInfo:
-    """Return what an error says of the component that has stored a page; without such a line, all are candidates."""
+    """Return what an error says of the component that has stored a page; without such a line, all are candidates.
+
+    A single candidate without such a line, as it puts the key together, is named with the line of its class.
+    """
     components = list(components)
     writers = writers_of(key, components)
+    if not writers and len(components) == 1:
+        location, name = class_location(type(components[0])), components[0].name
+        return WriterInfo("" if location is None else f"{location}{NEXT_LINE}", f"component '{name}'", (name,))
     lines = "".join(f"{writer.location}\n  " for writer in writers)
     names = dict.fromkeys(f"{writer.function}() of component '{writer.component}'" for writer in writers)
     one_of = ", ".join(component.name for component in components)
     suspects = [one.component for one in writers] or [one.name for one in components]
     return WriterInfo(lines, " or ".join(names) or f"one of {one_of}", tuple(dict.fromkeys(suspects)))
+
+
+def describe_unusable_page(node: NodeApi, page: Page, what: str, reader: str) -> tuple[str, tuple[str, ...]]:
+    """Return an error's text with the maker of the page that it is about, and the node's components that may be it.
+
+    Args:
+        node: which has the page.
+        page: that cannot be used.
+        what: the text so far: why it cannot.
+        reader: the component that cannot use it.
+    """
+    when = f"at t = {page.created_at_s:.3f} s"
+    if page.origin != node.name:
+        return f"{what}\n  It was made {when} by node '{page.origin}'.", ()
+    lines, who, suspects = node.find_writer(page.key, reader)
+    return f"{lines}{what}\n  It was stored {when} by {who}.", suspects
 
 
 def attribute_location(component: Component, name: str) -> SourceLocation | None:

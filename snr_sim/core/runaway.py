@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.handlers import describe
+from snr_sim.core.loop import Loop
 from snr_sim.core.machine import HandlerError
 from snr_sim.core.node_parts import NodeParts
-from snr_sim.core.run_diagnostics import writers_of
+from snr_sim.core.run_diagnostics import attribute_location, writers_of
 from snr_sim.core.source_location import SourceLocation, after_line, location_of
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.task import Task
@@ -100,7 +101,11 @@ def endless_failure(nodes: Sequence[NodeParts], node: NodeParts, clock: SimClock
     """Return the failure of a node that has reached its limit and still has tasks; executes some of all nodes'."""
     cycle = cycle_of(watch(nodes, clock))
     locations = [location for step in cycle for _, location in step.handlers if location is not None]
+    loops = [one for one in node.components.values() if isinstance(one, Loop)]
+    due = [one for one in loops if one.next_tick_at_s is not None and one.next_tick_at_s <= clock.now_s()]
+    locations += filter(None, (attribute_location(one, "next_tick_at_s") for one in due))
     lines = [str(step) for step in cycle[:SHOWN_TASKS]]
+    lines += [f"[{node.name}] loop '{one.name}', whose next_tick_at_s is not later" for one in due]
     if len(cycle) > SHOWN_TASKS:
         lines.append(f"and {len(cycle) - SHOWN_TASKS} more")
     what = (
@@ -111,4 +116,5 @@ def endless_failure(nodes: Sequence[NodeParts], node: NodeParts, clock: SimClock
     first = [str(locations[0])] if locations else []
     message = "\n  ".join([*first, what, *(f"  {line}" for line in lines), f"Try: {fix}"])
     suspects = dict.fromkeys(name for step in cycle for name in step.components if step.node == node.name)
+    suspects |= dict.fromkeys(one.name for one in due)
     return ComponentFailedError(message, node.name, suspects=tuple(suspects))

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from contextlib import suppress
 
 from snr_sim.core.loop import Loop, WakingPages
 from snr_sim.core.node_life import NodeLife
 from snr_sim.core.source_location import current_location
 from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task
 
 # In periods of the loop's rate: the minimum time from the last tick to one requested by `wake`, and how long the tick
 # after that waits for the next `wake`. A loop that gets one `wake` per period then ticks at these calls: neither
 # twice per period, nor with a growing delay.
 _MIN_WAKE_PERIODS, _MAX_WAKE_WAIT_PERIODS = 0.5, 1.5
+_MAX_STORE_WAIT_S, _POLL_S = 0.5, 0.001  # for the node to store the pages of `setup`: it may be busy
 # How long a node waits for a loop's thread at the end: longer than a correct tick, short enough for a user at Ctrl-C.
 JOIN_TIMEOUT_S = 0.5
 
@@ -55,9 +58,10 @@ class ThreadExecutor:
     def _run(self) -> None:
         life, loop = self._life, self._loop
         try:
-            life.call_loop(loop, "setup")
+            pages = self._set_up()
             if loop.setup_result is not None:
-                loop.setup_result.set_result(None)
+                loop.setup_result.set_result(None)  # first: the node may wait for it, and stores nothing meanwhile
+            self._wait_until_stored(pages)
             self._tick_on_deadlines()
         except BaseException as error:
             failure = life.report.failure_of(loop, error, "loop")
@@ -66,6 +70,31 @@ class ThreadExecutor:
                 self._report(failure)
         finally:
             self._halt_once()
+
+    def _set_up(self) -> dict[DataKey, Page]:
+        """Call `setup`, and return the pages that it has stored."""
+        loop, pages = self._loop, dict[DataKey, Page]()
+        schedule = loop.schedule
+
+        def keep(tasks: SomeTasks) -> None:
+            schedule(tasks)
+            scheduled = [tasks] if isinstance(tasks, Task) else tasks or ()
+            pages.update((one.page.key, one.page) for one in scheduled if one is not None and one.page is not None)
+
+        vars(loop)["schedule"] = keep
+        try:
+            self._life.call_loop(loop, "setup")
+        finally:
+            del vars(loop)["schedule"]
+        return pages
+
+    def _wait_until_stored(self, pages: dict[DataKey, Page]) -> None:
+        """Wait until the node has stored pages of `setup`: `loop` may look them up, as in lock step."""
+        stored, give_up_s = self._loop.parent.datastore.pages, time.monotonic() + _MAX_STORE_WAIT_S
+        for key, page in pages.items():
+            while (newest := stored.get(key)) is None or newest.created_at_s < page.created_at_s:
+                if time.monotonic() > give_up_s or self._stopping.wait(_POLL_S):
+                    return
 
     def _report(self, failure: ComponentFailedError) -> None:
         if self._has_setup_failed or self._loop.is_removed:  # then the node continues

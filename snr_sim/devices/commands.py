@@ -13,6 +13,7 @@ import msgspec
 
 from snr_sim.core.datastore import page_age_s
 from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.run_diagnostics import describe_unusable_page
 from snr_sim.devices.device_loop import DeviceLoop, start_device
 from snr_sim.prelude.device import Device
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, suggest
@@ -67,11 +68,8 @@ class CommandInput:
         what = f"Page '{page.key}' is not a valid command: {error.message}"
         if isinstance(page.data, dict):
             what += f"\n  It holds {describe_value(page.data)}."
-        when = f"at t = {page.created_at_s:.3f} s"
-        if page.origin != self._loop.parent.name:
-            return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-        lines, who, suspects = self._find_writer()
-        found = CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
+        text, suspects = describe_unusable_page(self._loop.parent, page, what, self._loop.name)
+        found = CommandError(text, fix=error.fix)
         found.suspects = suspects
         found.stored_at_s = page.created_at_s
         return found
@@ -87,11 +85,8 @@ class CommandInput:
                     f"Command '{self._key}.{field}' = {_shown(asked)} is outside {limits[field]} "
                     f"and was clamped to {_shown(got)} (reported once; t = {self._loop.get_time_s():.2f} s). "
                     f"Store a value from {low:g} to {high:g}.",
-                    self._find_writer()[0],
+                    self._loop.parent.find_writer(self._key, self._loop.name)[0],
                 )
-
-    def _find_writer(self) -> tuple[str, str, tuple[str, ...]]:
-        return self._loop.parent.find_writer(self._key, self._loop.name)
 
 
 class ActuatorLoopFactory(LoopFactory):

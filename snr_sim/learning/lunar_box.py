@@ -44,8 +44,9 @@ class LunarLanderBox(CopyableEnv):
 
     Ground, first push and the engines' scatter of a seed are the original's, number by number; so a flight is the
     same until something touches, to about 0.002 rad of tilt and 0.01 at worst. On the ground the original bounces more.
-    The policy of its documentation returns 283 in both (continuous). Discrete, it returns 244 over 2000 seeds, with a
-    standard error of 2; over the first 400, 248 here and 238 there: two standard errors of the difference.
+    The policy of its documentation returns 283 in both (continuous). Discrete, it returns 247 here and 243 there over
+    1000 seeds, each with a standard error of 3; 92.5 and 90.6 % of them return 200 or more. Seed by seed, over 200, it
+    returns 8 more here, 1.2 standard errors of the mean difference.
 
     Args:
         render_mode: None or 'rgb_array'.

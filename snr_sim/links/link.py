@@ -6,8 +6,9 @@ makes no loops, needs no link. The link stores its own state as a page of its ow
 {up, age_s, dropped, rtt_s, ...}.
 
 Errors of this node's own pages (not encodable, or longer than `max_frame_bytes`) end the node with the line that stored
-them. A page of another node that the next link cannot carry is dropped, counted and logged once: its sender must not
-end a node that forwards it. On the wall clock the node's thread sends a page itself if few tasks wait.
+them, or have new code that may have stored them rolled back. A page of another node that the next link cannot carry is
+dropped, counted and logged once: its sender must not end a node that forwards it. On the wall clock the node's thread
+sends a page itself if few tasks wait.
 """
 
 from __future__ import annotations
@@ -22,14 +23,13 @@ from typing import Any, TypeAlias
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentLog
 from snr_sim.core.datastore import LINK_PREFIX
-from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.run_diagnostics import find_writer
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.run_diagnostics import describe_unusable_page
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.messages import UNACCEPTABLE, encode_page, memory_bytes
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
-from snr_sim.prelude.errors import SnrError, suggest
+from snr_sim.prelude.errors import ComponentFailedError, SnrError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import DataKey, Page, Task, TaskType
@@ -56,37 +56,31 @@ _STORE_PAGE = TaskType.store_page
 class UnsendablePages:
     """Handler of pages that a link cannot send: an error for a page of its own node; those of other nodes are dropped.
 
-    `link` describes the link in the error, and in `log` for the first dropped page.
+    `link` describes the link in the error, and in `log` for the first dropped page; `component` is its name.
     """
 
     node: NodeApi
     link: str
     log: logging.Logger | ComponentLog
+    component: str = ""
     is_warned: bool = False
 
     def drop(self, page: Page, error: SnrError) -> None:
-        """Drop a page of another node, which must not end this node by an invalid page.
+        """Drop a page of another node, which must not end this node by an invalid page, or of code that is rolled back.
 
         Raises:
             SnrError: the page is this node's own; of the type of `error`.
         """
-        failure = self._failure(page, error)
+        what = f"{self.link} cannot send page '{page.key}': {error.message}"
+        text, suspects = describe_unusable_page(self.node, page, what, self.component)
+        failure = type(error)(text, fix=error.fix)
         if page.origin == self.node.name:
-            raise failure from error
-        if not self.is_warned:
+            name, at_s = self.node.name, page.created_at_s
+            if not self.node.blame_suspects(ComponentFailedError(str(failure), name, "", "", suspects, at_s)):
+                raise failure from error
+        elif not self.is_warned:
             self.is_warned = True
             self.log.warning("%s Dropped, as will be all such pages.", failure)
-
-    def _failure(self, page: Page, error: SnrError) -> SnrError:
-        """Return the error for a page; it starts with the line that stored the page, if known."""
-        what = f"{self.link} cannot send page '{page.key}': {error.message}"
-        when = f"at t = {page.created_at_s:.3f} s"
-        if page.origin != self.node.name:
-            return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-        components = self.node.components.values()
-        authors = [one for one in components if isinstance(one, (Endpoint, Loop)) and one.is_robot_component]
-        lines, who, _ = find_writer(page.key, authors)
-        return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 
 def link_state(
@@ -171,7 +165,7 @@ class Link(RestartingLoop):
         self.reason: str = ""  # why it is down, as text, set by its transport
         self._unstored: dict[int, tuple[Page, object]] = {}  # arrived, not stored yet: page and sender
         self._relayed: dict[int, None] = {}
-        self._unsendable = UnsendablePages(parent, f"'{self.name}'", self.log)
+        self._unsendable = UnsendablePages(parent, f"'{self.name}'", self.log, self.name)
         self._largest_bytes = 1  # of recent pages
         self.is_paused: bool = False  # nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # keys of `accept` that arrived

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
-from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.errors import ComponentFailedError, SnrError
 from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskName, TaskType
 
 if TYPE_CHECKING:
@@ -161,6 +161,9 @@ class NodeApi(Protocol):
 
         The component `reader`, which asks since the page is invalid, is left out.
         """
+
+    def blame_suspects(self, failure: ComponentFailedError) -> bool:
+        """Undo new code that may have caused another's failure, which continues; return whether there is such code."""
 
     # Time, notes
 

@@ -192,7 +192,7 @@ class ReplayerLoop(Loop):
             self.schedule(Task.store_page(self._next.page))
             self._next = self._reader.read_stored()
         if self._next is not None:
-            self.next_tick_at_s: float | None = self._start_s + self._next.time_s
+            self.next_tick_at_s = self._start_s + self._next.time_s
             return
         if self.factory.exit:
             self.schedule(tasks.finish(ALL_REPLAYED))

@@ -170,6 +170,8 @@ class MultiProcRunner:
             self._on_signal(values[0])
         elif what == "failed":
             self._on_failure(*values)
+        elif what == "unsendable":
+            self._on_failure(values[0], str(values[1]), "")
         else:
             self._on_end(*values)
 

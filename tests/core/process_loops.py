@@ -172,6 +172,13 @@ def answer(loop: Any) -> None:
         loop.store_data("answer", {"sum": float(data.sum()), "before": float(loop.get_data("question_prev").sum())})
 
 
+def echo(loop: Any) -> None:
+    page = loop.get_page("question")
+    if page is not None and page is not vars(loop).get("page_before"):
+        loop.page_before = page
+        loop.store_data("echo", page.data)
+
+
 def log_something(loop: Any) -> None:
     loop.log.warning("lens %s", "dirty")
     end(loop)

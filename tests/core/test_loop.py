@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Loop, LoopFactory, Node, SimRunner
+from snr_sim import Config, Loop, LoopFactory, Node, SimRunner, SomeTasks, tasks
 from snr_sim.prelude.errors import ParameterError
 
 
@@ -56,3 +56,24 @@ def test_unknown_executor_raises_in_lock_step_with_suggestion() -> None:
     wrong = type("Wrong", (Slow,), {"executor": "proces"})
     with pytest.raises(ParameterError, match="did you mean 'process'"):
         ticks_in_two_seconds(LoopOf(wrong))
+
+
+class Remembering(Loop):
+    def setup(self) -> None:
+        self.store_data("calibration", {"offset_m": 0.5})
+
+    def loop(self) -> SomeTasks:
+        calibration = self.get_data("calibration")
+        return tasks.terminate("nothing there" if calibration is None else f"offset {calibration['offset_m']} m")
+
+
+class RememberingInAProcess(Remembering):
+    executor = "process"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loop_class", [Remembering, RememberingInAProcess])
+def test_first_loop_on_the_wall_clock_gets_what_setup_stored(loop_class: type[Loop]) -> None:
+    node = Node("robot", Config(factories={"robot": [LoopOf(loop_class)]}))
+    node.loop()
+    assert node.exit_reason == "offset 0.5 m"

@@ -22,6 +22,7 @@ from snr_sim import (
 )
 from snr_sim.core.node_life import OVERLOAD_TASKS
 from snr_sim.core.node_report import MAX_NOTES
+from snr_sim.core.run_diagnostics import MAX_OF_A_KIND
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, TaskError, UnknownNameError
 from snr_sim.prelude.rng import component_seed, rng_for
 from snr_sim.testing.fake_recorder import FakeRecorder
@@ -187,6 +188,20 @@ def test_number_of_notes_is_limited() -> None:
         node.add_note(f"number {i}")
     assert len(node.notes) == MAX_NOTES
     assert node.notes[-2:] == [f"number {MAX_NOTES - 2}", "There was more to note, which is left out."]
+
+
+def test_notes_of_one_kind_are_limited_and_leave_room_for_others() -> None:
+    def begin(part: FunctionEndpoint) -> None:
+        for i in range(3 * MAX_OF_A_KIND):
+            part.schedule(tasks.event(f"made up {i}"))
+        part.get_page("depth")
+
+    node = node_of(FunctionEndpointFactory({}, begin=begin))
+    node.loop()
+    unhandled = [note for note in node.notes if note.startswith("No component handled event 'made up ")]
+    assert len(unhandled) == MAX_OF_A_KIND
+    assert "There are more tasks without a handler, which are left out." in node.notes
+    assert any("Page 'depth' was requested but never stored" in note for note in node.notes)
 
 
 def test_page_named_like_previous_page_is_noted() -> None:

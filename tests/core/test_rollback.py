@@ -6,14 +6,25 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, FakeActuator, Node, Task, TaskType, WatchLoopFactory, tasks
+from snr_sim import (
+    Config,
+    FakeActuator,
+    MemoryLink,
+    Node,
+    SimRunner,
+    SocketsPair,
+    Task,
+    TaskType,
+    WatchLoopFactory,
+    tasks,
+)
 from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
 from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailedError
 from snr_sim.prelude.signals import EngineCommand
 from snr_sim.scenario.library import load_program
-from snr_sim.testing.function_components import FunctionEndpointFactory
+from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
 from tests.core.test_reload import LOOP, Student, outcome, reload, run, run_on_the_wall_clock, student, thrust_task
 
 __all__ = ["student"]
@@ -169,6 +180,65 @@ def test_rollback_restores_all_components_of_reload(student: Student) -> None:
     assert "rolled back: one, two as before it." in outcome(node)["message"]
 
 
+MAKING_TASKS = PILOT.replace("import Endpoint, EndpointFactory", "import Endpoint, EndpointFactory, Page, Task, tasks")
+
+
+@pytest.mark.parametrize(
+    ("made", "what"),
+    [
+        ("tasks.event(5)", "A task has the name 5, which is not text."),
+        ("Task('event', 'go')", "A task has the type 'event'."),
+        ("Task(TaskType.event, 'go', None)", "The task event 'go' carries None, which is not a list."),
+        ("Task(TaskType.store_page, 'x')", "The task store_page 'x' carries no page."),
+        ("Task(TaskType.store_page, 'x', [5])", "A store_page task carries 5, which is not a page."),
+        ("Task(TaskType.store_page, 'x', [Page(5, 1, 'r_node', 0.0)])", "A page has the key 5, which is not text."),
+        ("[tasks.event('go')] * 1001", "'pilot' has made 1001 tasks in one call, most of them event 'go'."),
+    ],
+)
+def test_new_code_that_makes_tasks_which_the_node_cannot_execute_is_rolled_back(
+    student: Student, made: str, what: str
+) -> None:
+    factory = student.load(MAKING_TASKS).PilotFactory()
+    change = reload(student, MAKING_TASKS.replace(ANSWER, f"return {made}\n            {ANSWER}"))
+    node, thrusts = run([factory], [thrust_task, change, thrust_task, thrust_task], max_tasks_per_moment=1000)
+    assert thrusts == [[1, 1, 2], [2, 2, 3], [3, 3, 4]]
+    lines = outcome(node)["message"].splitlines()
+    assert f"  {what}" in lines
+    assert "  1.000 s after its reload, which was rolled back: pilot as before it." in lines
+
+
+ADDING = (
+    MAKING_TASKS
+    + """
+    class Late(Endpoint):
+        def __init__(self, factory, parent, name):
+            super().__init__(factory, parent, name)
+            self.task_handlers = {(TaskType.event, "late"): self.on_late}
+
+        def on_late(self, task, task_id):
+            self.missing()
+
+    class LateFactory(EndpointFactory):
+        def get(self, parent):
+            return Late(self, parent, "late")
+"""
+)
+
+
+@pytest.mark.parametrize("then", ["return tasks.event('late')", "self.missing()"])
+def test_component_that_new_code_adds_is_on_probation_with_it(student: Student, then: str) -> None:
+    factory = student.load(ADDING).PilotFactory()
+    is_own_failure = then.startswith("return")
+    adds = f"if self.count > 2: {then}\n            return tasks.add_component(LateFactory())"
+    change = reload(student, ADDING.replace(ANSWER, f"self.count += 1\n            {adds}\n            {ANSWER}"))
+    node, thrusts = run([factory], [thrust_task, change, thrust_task, thrust_task])
+    assert list(node.components) == ["node_core", "pilot"]
+    message = outcome(node)["message"]
+    assert "rolled back: pilot as before it.\n  'late', which its code had added, was removed." in message
+    assert ("in on_late(), component 'late'" in message) == is_own_failure
+    assert len(thrusts) == (1 if is_own_failure else 2)
+
+
 def test_component_that_was_removed_since_does_not_come_back(student: Student) -> None:
     module = student.load(PILOT)
     one, two = module.PilotFactory("one"), module.PilotFactory("two")
@@ -189,6 +259,40 @@ def test_loop_that_fails_in_its_first_ticks_leaves_its_place_to_the_old_one(stud
     assert "rolled back: counter as before it." in outcome(node)["message"]
     assert outcome(node)["message"].splitlines()[0].endswith(": self.missing()")
     assert factory.log == ["setup", "halt", "terminate", "setup", "halt", "terminate"]
+
+
+MAKING_LOOP = LOOP.replace("import Loop, LoopFactory", "import Loop, LoopFactory, Task, TaskType, tasks")
+
+
+@pytest.mark.parametrize(
+    ("step", "line", "what"),
+    [
+        ("self.schedule(tasks.event(5))", "self.schedule(tasks.event(5))", "A task has the name 5"),
+        ("return Task(TaskType.store_page, 'x', [5])", "def loop(self):", "A store_page task carries 5"),
+        ("return [tasks.event('go')] * 1001", "def loop(self):", "'counter' has made 1001 tasks in one call"),
+        ("[self.schedule(tasks.event('go')) for _ in range(1001)]", "def loop(self):", "'counter' has made 1002 tasks"),
+        (
+            "self.next_tick_at_s = 'soon'",
+            "self.next_tick_at_s = 'soon'",
+            "next_tick_at_s = 'soon', which is not a time",
+        ),
+        ("self.next_tick_at_s = float('nan')", "float('nan')", "next_tick_at_s = nan, which is not a time."),
+        ("self.next_tick_at_s = 0.0", "self.next_tick_at_s = 0.0", "loop 'counter', whose next_tick_at_s is not later"),
+        ("self.next_tick_at_s = 0.0; return", "def loop(self):", "After each of 1000 ticks in a row"),
+    ],
+)
+def test_loop_whose_new_code_lets_time_stand_still_or_makes_no_tasks_is_rolled_back(
+    student: Student, step: str, line: str, what: str
+) -> None:
+    factory = student.load(MAKING_LOOP).CounterFactory()
+    before = "self.factory.count += 1\n"
+    change = reload(student, MAKING_LOOP.replace(before, f"{before}            {step}\n"), "counter")
+    node, counts = run([factory], [change], 0.25, until_s=0.5, max_tasks_per_moment=1000)
+    message = outcome(node)["message"]
+    assert message.splitlines()[0].endswith(line)
+    assert what in message
+    assert "rolled back: counter as before it." in message
+    assert counts[-2:] == [5, 6]
 
 
 def test_loop_that_fails_later_ends_the_run(student: Student) -> None:
@@ -240,6 +344,47 @@ def test_new_code_that_stores_an_invalid_command_leaves_its_place_to_the_old_cod
     assert message.splitlines()[0].endswith(f'return self.store_data_task("engine", {value})')
 
 
+@pytest.mark.parametrize("value", ["object()", "2**70", "'x' * (1 << 21)", "[" * 101 + "]" * 101])
+def test_new_code_that_stores_what_a_link_cannot_send_is_rolled_back(student: Student, value: str) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    link = SocketsPair(("127.0.0.1", 1), name="tether").server("engine")
+    wrong = reload(student, COMMANDS.replace('{"throttle": 0.5}', value))
+    node, _ = run([factory, link], [thrust_task, wrong, lambda: [thrust_task()] * 2, thrust_task], until_s=5.0)
+    message = outcome(node)["message"]
+    assert message.splitlines()[0].endswith(f'return self.store_data_task("engine", {value})')
+    assert "'link_tether' cannot send page 'engine': " in message
+    assert "rolled back: pilot as before it." in message
+    assert node.get_data("engine") == {"throttle": 0.5}
+    assert node.components["link_tether"].dropped == 2  # type: ignore[attr-defined]
+
+
+def test_rollback_restores_maker_of_page_though_another_names_its_key(student: Student) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    other = FunctionEndpointFactory({(TaskType.event, "idle"): lambda task, task_id: print("engine")}, "other")
+    link = SocketsPair(("127.0.0.1", 1), name="tether").server("engine")
+    wrong = reload(student, COMMANDS.replace('"engine", {"throttle": 0.5}', '"".join(["en", "gine"]), {2**70}'))
+    node, _ = run([factory, other, link], [thrust_task, wrong, thrust_task, thrust_task], until_s=5.0)
+    line, *rest = outcome(node)["message"].splitlines()
+    assert line.endswith("pilot.py, line 3: class Pilot(Endpoint):")
+    assert rest[1] == "  It was stored at t = 3.000 s by component 'pilot'."
+    assert "rolled back: pilot as before it." in rest[2]
+    assert node.get_data("engine") == {"throttle": 0.5}
+
+
+def test_new_code_that_stores_what_a_memory_link_cannot_send_is_rolled_back(student: Student) -> None:
+    factory = student.load(COMMANDS).Pilot.factory(name="pilot")
+    steps = [thrust_task, reload(student, COMMANDS.replace('{"throttle": 0.5}', "{2**70}")), thrust_task, thrust_task]
+    keyboard = FunctionLoopFactory(lambda loop: loop.schedule(steps.pop(0)() if steps else None), rate_hz=1.0)
+    link = MemoryLink(["engine"], "robot", "topside")
+    runner = SimRunner(Config(factories={"robot": [factory, keyboard], "topside": []}), links=[link], until_s=5.0)
+    runner.run()
+    message = outcome(runner.nodes["robot"])["message"]
+    assert "The link from 'robot' to 'topside' cannot send page 'engine': " in message
+    assert "rolled back: pilot as before it." in message
+    assert runner.nodes["topside"].get_data("engine") == {"throttle": 0.5}
+    assert (link.directions[0].sent, link.directions[0].dropped) == (2, 1)
+
+
 ANSWERING = (
     COMMANDS.replace("from snr_sim import Endpoint, handles", "from snr_sim import Endpoint, handles, tasks")
     + """
@@ -289,6 +434,20 @@ def test_new_code_whose_command_an_actuator_refuses_is_rolled_back(student: Stud
     assert "rolled back: pilot as before it." in message
     assert message.splitlines()[0].endswith('return self.store_data_task("engine", {"throttle": "half"})')
     assert node.get_data("written") == {"throttle": 0.5}
+
+
+@pytest.mark.slow
+def test_new_code_whose_page_a_process_cannot_get_is_rolled_back(student: Student) -> None:
+    source = ANSWERING.replace('"engine"', '"question"').replace('"written"', '"echo"')
+    factory = student.load(source).Pilot.factory(name="pilot")
+    wrong = reload(student, source.replace('{"throttle": 0.5}', "object()"))
+    node = run_on_the_wall_clock([factory, loops.StepsFactory(loops.echo)], wrong, thrust_task)
+    message = outcome(node)["message"]
+    assert message.splitlines()[0].endswith('return self.store_data_task("question", object())')
+    assert "Loop 'worker' runs in a process of its own" in message
+    assert " at 0x" not in message
+    assert "rolled back: pilot as before it." in message
+    assert node.get_data("echo") == {"throttle": 0.5}
 
 
 def test_late_page_of_rolled_back_code_is_not_a_failure(student: Student) -> None:

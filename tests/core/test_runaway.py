@@ -99,6 +99,7 @@ def test_a_loop_that_wants_each_tick_at_once_is_named(does: str) -> None:
     message = failure_of(TestRunner(config({"test": [FunctionLoopFactory(tick, "eager", 10.0)]})).run)
     assert "time stands still" in message
     assert ("next_tick_at_s was 0" in message) == (does == "stores nothing")
+    assert ("loop 'eager', whose next_tick_at_s is not later" in message) == (does == "stores")
     if does == "stores nothing":
         assert "component 'eager' at t = 0.000 s" in message
         assert f"After each of {BOUND} ticks in a row" in message

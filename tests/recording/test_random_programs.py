@@ -125,7 +125,8 @@ class Beat(Parts, Loop):
 
 
 # top
-config = Config(factories={{"r": [One.factory("one"), Two.factory("two"), Beat.factory("beat")]}})
+made = [One.factory("one"), Two.factory("two"), Beat.factory("beat")]
+config = Config(factories={{"r": made}}, max_tasks_per_moment=1000)
 """
 
 
@@ -151,6 +152,10 @@ def test_reload_whose_page_was_not_stored_when_the_run_ended_replays_identically
         ("# loop", "self.store_data('alpha', 1)", "'beat' has made page"),
         ("# setup", "self.missing()", "Kept as before: beat"),
         ("# setup", "hang(self)", "Kept as before: beat"),
+        ("# spare", "self.schedule(tasks.event(5))", "one, beat as before it"),
+        ("# loop", "self.schedule(tasks.event(5))", "one, beat as before it"),
+        ("# loop", "self.schedule([tasks.event('go')] * 1001)", "one, beat as before it"),
+        ("# loop", "self.next_tick_at_s = 0.0", "one, beat as before it"),
         ("# top", "while interrupt_new_code(NODE, 'It has not returned.'): pass", "Kept as before: one, beat"),
     ],
 )

@@ -103,6 +103,13 @@ def record(folder: Path, clock: str, program: str = PROGRAM) -> Trace:
     return read_trace(folder / done.stdout.strip() / FILE_NAME)
 
 
+def with_two_reloads(until: int) -> str:
+    """Return the program with the reloads of pilot and ticker only, and with this many ticks."""
+    script = PROGRAM.partition("SCRIPT = {\n")[2].partition("}\n")[0]
+    reloads = "".join(script.splitlines(True)[:2])
+    return PROGRAM.replace(script, f"{reloads}{until}: lambda: tasks.terminate('done')\n")
+
+
 def replay(trace: Trace) -> NodeReplay:
     config: Config = load_program(trace.trace_info.controller).config
     return replay_node(trace, "r", config)
@@ -228,8 +235,7 @@ def test_rollback_of_handler_and_of_loop_replays_identically_and_with_check(tmp_
 @pytest.mark.slow
 @pytest.mark.parametrize("clock", ["sim", "wall"])
 def test_rollback_of_code_that_does_not_return_replays_identically(tmp_path: Path, clock: str) -> None:
-    script = PROGRAM.partition("SCRIPT = {\n")[2].partition("}\n")[0]
-    program = PROGRAM.replace(script, "".join(script.splitlines(True)[:2]) + "300: lambda: tasks.terminate('done')\n")
+    program = with_two_reloads(300)
     count, ticks = "        self.count += 1\n", "        self.factory.ticks += 1\n"
     hangs = program.replace(count, f"{count}        while True: pass\n")
     if clock == "sim":  # on the wall clock a loop has a thread of its own, which does not block the node
@@ -242,6 +248,24 @@ def test_rollback_of_code_that_does_not_return_replays_identically(tmp_path: Pat
     counts = [count for _, count in pages(trace, "pilot thrust")]
     assert counts == list(range(1, len(counts) + 1))
     assert len(counts) > 100
+    replayed = snr(tmp_path, "replay", trace.path.parent, "--check")
+    assert replayed.stdout.startswith("identical: "), replayed.stdout + replayed.stderr
+
+
+@pytest.mark.slow
+def test_rollback_for_a_page_that_a_link_cannot_send_replays_identically(tmp_path: Path) -> None:
+    program = with_two_reloads(20).replace("SimClock, TaskType", "SimClock, SocketsPair, TaskType")
+    program = program.replace('TickerFactory("ticker"),', 'TickerFactory("ticker"), LINK,')
+    program = program.replace("GAIN =", "LINK = SocketsPair(('127.0.0.1', 1)).server(['pilot thrust'])\nGAIN =")
+    made = 'self.store_data_task(f"{self.name} thrust", [GAIN * self.count, self.factory.count])'
+    too_long = 'self.store_data_task("pilot thrust", self.factory.count << 70)'
+    (tmp_path / "edit.py").write_text(program.replace(made, too_long))
+    trace = record(tmp_path, "sim", program)
+    _, first = (page["message"] for page in pages(trace, "reload") if page["component"] == "pilot")
+    assert "pilot as before it." in first
+    assert first.splitlines()[0].endswith(too_long)
+    assert "'link_1' cannot send page 'pilot thrust': An integer needs more than 64 bits" in first
+    assert isinstance(pages(trace, "pilot thrust")[-1], list)
     replayed = snr(tmp_path, "replay", trace.path.parent, "--check")
     assert replayed.stdout.startswith("identical: "), replayed.stdout + replayed.stderr
 

@@ -341,5 +341,33 @@ def test_listings_report_each_button_over_tether(caplog: pytest.LogCaptureFixtur
     assert ("snr.robot_node.input_processor", logging.INFO, "no input before this") in caplog.record_tuples
 
 
+class PrintedJoystickFactory(JoystickFactory):
+    """A.6 as printed."""
+
+    def get(self, parent: AbstractNode) -> Joystick:
+        return PrintedJoystick(self, parent)
+
+
+class PrintedJoystick(Joystick):
+    """A.6 as printed: the list of all events, which `pygame.event.get()` returns, is compared with one."""
+
+    def loop(self) -> None:
+        event = next(self.positions, [])
+        if event in (BUTTON_DOWN, BUTTON_UP):
+            self.store_data(self.factory.output_data, {"button_0": 1})
+
+
+BUTTON_DOWN, BUTTON_UP = 1539, 1540  # pygame's numbers
+
+
+def test_joystick_as_printed_runs_and_stores_nothing_which_is_noted() -> None:
+    script = [[], [BUTTON_DOWN], [BUTTON_UP, BUTTON_DOWN]]
+    config = Config(factories={"topside": [PrintedJoystickFactory(script), InputMappingFactory()]})
+    runner = SimRunner(config, until_s=1.0)
+    runner.run()
+    (note,) = runner.nodes["topside"].notes
+    assert "'controller_input_map' waits for store_page 'raw_controller_input', which was never stored" in note
+
+
 if __name__ == "__main__":
     CliRunner(components(PygameGamepad, motors)).run()

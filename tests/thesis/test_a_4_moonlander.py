@@ -7,11 +7,12 @@ for the Q function, names were not imported, and a handler asserted that one val
 speaks of `TaskType.store_data` and `tasks.store_data`, which never existed, and calls `self.get_page` in a ThreadLoop,
 which had none. Its engine is too weak for any pilot to land.
 
-What we changed. Of the listing only what runs in no library: the Q function that is not given, reported with its
-line, and the handler's assertion. `Falling` and `Throttle`, below, use its names and calls as they are. For a flight
-on the course's plant the factory takes the Q function, which is any function of (state, action), or a table of values.
-The pilot answers each radar page with the action of the highest value. Endpoints need begin, halt and terminate only
-if they have something to do there; loops have get_page. Sensor and engine come from the robot `lander`.
+What we changed. Of the listing only what runs in no library, each reported with its line: the Q function that is not
+given, the handler's assertion, and `tasks.store_data`. `Falling` and `Throttle`, below, use its names and calls as
+they are. For a flight on the course's plant the factory takes the Q function, which is any function of (state,
+action), or a table of values. The pilot answers each radar page with the action of the highest value. Endpoints need
+begin, halt and terminate only if they have something to do there; loops have get_page. Sensor and engine come from the
+robot `lander`.
 """
 
 from __future__ import annotations
@@ -33,14 +34,17 @@ from snr_sim import (
     SimClock,
     SomeTasks,
     Task,
+    TaskHandler,
     TaskId,
     TaskType,
     ThreadLoop,
+    WallClock,
     tasks,
 )
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, SimulationRun
+from snr_sim.testing.function_components import FunctionEndpointFactory
 
 ACTIONS = (0.0, 0.15, 0.3, 0.45, 0.6, 1.0)  # throttle
 State: TypeAlias = tuple[float, float]  # altitude_m, velocity_mps
@@ -171,16 +175,48 @@ class ThrottleFactory(EndpointFactory):
         return Throttle(self, parent, *self.q_function)
 
 
-def falling(*factories: EndpointFactory | LoopFactory) -> Node:
-    node = Node("lunar_module", Config(factories={"lunar_module": factories}), clock=SimClock())
+def falling(*factories: EndpointFactory | LoopFactory, clock: type[SimClock | WallClock] = SimClock) -> Node:
+    node = Node("lunar_module", Config(factories={"lunar_module": factories}), clock=clock())
     node.loop()
     return node
 
 
-def test_the_listings_plant_and_pilot_run_by_their_names_and_fall() -> None:
+@pytest.mark.parametrize("clock", [SimClock, pytest.param(WallClock, marks=pytest.mark.slow)])
+def test_the_listings_plant_and_pilot_run_by_their_names_and_fall(clock: type[SimClock | WallClock]) -> None:
     with pytest.raises(ComponentFailedError, match=r"(?s)raise RuntimeError.*too fast") as caught:
-        falling(FallingFactory(), ThrottleFactory(lambda state, action: action))
+        falling(FallingFactory(), ThrottleFactory(lambda state, action: action), clock=clock)
     assert caught.value.component == "radar_sensor"
+
+
+def measure_the_page(task: Task, key: TaskId) -> None:
+    """The first part of the listing's assertion."""
+    assert len(task.val_list[0]) == 2
+
+
+def assert_two_types(task: Task, key: TaskId) -> None:
+    """The second part, of the page's data."""
+    altitude = task.val_list[0].data[0]
+    assert isinstance(altitude, int)
+    assert isinstance(altitude, float)
+
+
+def store_by_a_function(task: Task, key: TaskId) -> SomeTasks:
+    """The listing's answer."""
+    return tasks.store_data("thruster_data", 0)
+
+
+@pytest.mark.parametrize(
+    ("handler", "message"),
+    [
+        (measure_the_page, r"line \d+: assert len\(.*'Page' has no len.*Try: a page has its data in data"),
+        (assert_two_types, r"line \d+: assert isinstance\(altitude, int\)\n  AssertionError"),
+        (store_by_a_function, r"line \d+: return tasks\.store_data\(.*Try: self\.store_data_task\(key, data\)"),
+    ],
+)
+def test_line_that_runs_in_no_library_is_reported(handler: TaskHandler, message: str) -> None:
+    pilot = FunctionEndpointFactory({(TaskType.store_data, "radar_data"): handler}, "q_learning_controller")
+    with pytest.raises(ComponentFailedError, match=f"(?s){message}"):
+        falling(FallingFactory(), pilot)
 
 
 def test_with_a_stronger_engine_they_land() -> None:
@@ -194,7 +230,9 @@ def test_with_a_stronger_engine_they_land() -> None:
 
 
 def test_factory_without_q_function_reports_line() -> None:
-    with pytest.raises(ConfigError, match=r"(?s)return Throttle\(self, parent.*'q_function'.*ThrottleFactory\.get\(\)"):
+    with pytest.raises(
+        ConfigError, match=r"(?s)return Throttle\(self, parent.*'q_function'.*Try: give them: Throttle\("
+    ):
         falling(FallingFactory(), ThrottleFactory())
 
 

@@ -33,6 +33,7 @@ from snr_sim.recording.records import (
     HandlerCall,
     Header,
     InputRecord,
+    LogLineRecord,
     PageRecord,
     Record,
     ReturnedTask,
@@ -195,6 +196,16 @@ def test_error_is_logged_with_level_error(tmp_path: Path) -> None:
     levels = read_rows(path, "TextLog:level")["/lander/events"]
     assert [level[0] for _, _, level in levels] == ["INFO", "ERROR", "INFO"]
     assert texts[1][2] == ["guidance: ZeroDivisionError: in steer"]
+
+
+def test_lines_that_components_print_and_log_are_among_the_events(tmp_path: Path) -> None:
+    printed = LogLineRecord(98, 9.0, "lander", 1, "guidance", "PRINT", "at work")
+    logged = LogLineRecord(99, 9.0, "lander", 1, "guidance", "WARNING", "soon over")
+    path = written(tmp_path, [*fall(2), printed, logged])
+    texts = read_rows(path, "TextLog:text")["/lander/events"]
+    levels = read_rows(path, "TextLog:level")["/lander/events"]
+    shown = [(level[0], text[0]) for (_, _, level), (_, _, text) in zip(levels, texts, strict=True)]
+    assert shown[-2:] == [("INFO", "guidance: at work"), ("WARNING", "guidance: soon over")]
 
 
 def test_removed_arrow_disappears(tmp_path: Path) -> None:

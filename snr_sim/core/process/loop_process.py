@@ -31,7 +31,7 @@ from snr_sim.core.process.messages import MessageLine
 from snr_sim.core.source_location import describe_error
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
-from snr_sim.prelude.task import DataKey, Page, Task
+from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 
 _COUNTS_PERIOD_S = 0.5
 _ANSWER_TIMEOUT_S = 1.0  # a node that ends does not answer
@@ -125,13 +125,16 @@ class RemoteInbox(Inbox):
 
     failure: SnrError | None
 
-    def __init__(self, messages: MessageLine) -> None:
+    def __init__(self, messages: MessageLine, pages: RemoteDatastore) -> None:
         super().__init__()
         self._messages = messages
+        self._pages = pages.pages
 
     def put(self, task: Task, source: str) -> None:
-        """Send a task to the node."""
+        """Send a task to the node; a page is here until the node has sent one of its key."""
         self._messages.send("task", task.type.value, task.name, task.val_list)
+        if task.type is TaskType.store_page and task.page is not None:
+            self._pages.setdefault(task.page.key, task.page)
 
     def fail(self, failure: SnrError) -> None:
         """Send a failure in this process to the node; the first one is kept."""
@@ -200,7 +203,7 @@ class LoopNode(Node):
     ) -> None:
         config = Config(Mode(begin["mode"]), {begin["role"]: []})
         super().__init__(begin["role"], config, clock=WallClock(begin["clock_start_s"]), seed=begin["seed"])
-        self.inbox: RemoteInbox = RemoteInbox(messages)
+        self.inbox: RemoteInbox = RemoteInbox(messages, pages)
         self.datastore: RemoteDatastore = pages
         self._messages = messages
         self._answers = answers

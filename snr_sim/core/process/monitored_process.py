@@ -26,7 +26,7 @@ class MonitoredProcess:
         target: "module:function"; see `SpawnedProcess`.
         order: its start data: plain values.
         on_message: gets the kind and values of each message, on the listener's thread; and on the writer's thread
-            "failed" with what cannot be sent.
+            "unsendable" with the error and a message that cannot be sent.
         on_end: gets the exit status, and what `on_message` raised or None, on the listener's thread.
         descriptors: that it inherits.
         out, err: get the lines that it prints; see `SpawnedProcess`.
@@ -102,7 +102,7 @@ class MonitoredProcess:
             try:
                 self._process.line.send(*message)
             except ValueEncodingError as error:
-                self._on_message("failed", str(error), "")
+                self._on_message("unsendable", error, message)
 
     def _listen(self) -> None:
         failure = None

@@ -22,9 +22,10 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process.factory_pickling import pickle_factory
 from snr_sim.core.process.monitored_process import Message, MonitoredProcess
 from snr_sim.core.profiler import Timing
-from snr_sim.core.source_location import describe_error
+from snr_sim.core.run_diagnostics import describe_unusable_page
+from snr_sim.core.source_location import describe_error, without_addresses
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S
-from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.errors import ComponentFailedError, SnrError
 from snr_sim.prelude.task import DataKey, Page, Task, TaskType
 
 TARGET = "snr_sim.core.process.loop_process:run"
@@ -128,8 +129,12 @@ class ProcessExecutor:
                 self._node.add_note(text)
             case ("is set up",):
                 self._set_result(None)
-            case "failed", message, *_:
+            case "failed", message:
                 self._fail(message)
+            case "unsendable", error, ["page", key, Page() as page]:
+                self._drop_page(key, page, error)
+            case "unsendable", error, _:
+                self._fail(str(error))
             case ("stopped",):
                 self.is_stopped = True
             case ("over",):
@@ -153,6 +158,18 @@ class ProcessExecutor:
             self._node.add_store_listener(stored, listener)
             self._store_listeners.append((stored, listener))
         self._send_page(key)
+
+    def _drop_page(self, key: DataKey, page: Page, error: SnrError) -> None:
+        """Leave out a page that cannot be sent if the code that stored it is rolled back for that; else fail."""
+        assert self._child is not None
+        what = without_addresses(error.message)
+        text, suspects = describe_unusable_page(self._node, page, what, self._loop.name)
+        message = f"{text}\n  Try: {error.fix}"
+        ours = self._node.name, self._loop.name, "loop"
+        if self._life.blame_suspects(ComponentFailedError(message, *ours, suspects, page.created_at_s)):
+            self._child.send(("page", key, None))  # the loop may wait for its first
+        else:
+            self._fail(message)
 
     def _fail(self, message: str) -> None:
         failure = ComponentFailedError(message, self._node.name, self._loop.name)

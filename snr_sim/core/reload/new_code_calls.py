@@ -8,14 +8,18 @@ same event records a loop that could not begin, since a replay begins no loops.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, TypeVar
 
 from snr_sim.core.component import CORE_NAME
+from snr_sim.core.datastore import check_executable
+from snr_sim.core.handlers import describe
 from snr_sim.core.machine import GuardedCall
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.runaway import ENDLESS_FIX
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.errors import ComponentFailedError, TaskError
 from snr_sim.prelude.task import Page, Task
 
 MAX_MADE = 1000  # tasks of new code that are remembered
@@ -80,6 +84,7 @@ class NewCodeCalls:
                 raise
         else:
             if not guarded.is_interrupted:  # its code has not caught an interrupt
+                self.check(guarded.scheduled, component)
                 self.keep(component, guarded.scheduled)
                 return returned, guarded.scheduled
         if what:
@@ -95,6 +100,17 @@ class NewCodeCalls:
         finally:
             machine.guarded_call = None  # until here it may be interrupted, and not after it
 
+    def check(self, made: Sequence[Task], component: str) -> None:
+        """Raise a TaskError if the node cannot execute what a call has made, or not as many tasks at one moment."""
+        for task in made:
+            check_executable(task)
+        if len(made) > self._node.config.max_tasks_per_moment:
+            ((usual, _),) = Counter(task.id() for task in made).most_common(1)
+            raise TaskError(
+                f"'{component}' has made {len(made)} tasks in one call, most of them {describe(usual)}.",
+                fix=ENDLESS_FIX,
+            )
+
     def keep(self, component: str, made: Sequence[Task]) -> None:
         """Remember tasks that a component's new code has made."""
         for task in made:
@@ -102,6 +118,11 @@ class NewCodeCalls:
             self.made[id(one)] = one, component
         while len(self.made) > MAX_MADE:
             del self.made[next(iter(self.made))]
+
+    def maker_of(self, page: Page | None) -> str:
+        """Return the component whose new code has made a page, if it is among the last ones; else ""."""
+        one = self.made.get(id(page)) or self.late.get(id(page))
+        return "" if one is None else one[1]
 
     def roll_back(self, components: Collection[str]) -> None:
         """Count the tasks that these components' new code has made as late."""

@@ -54,6 +54,8 @@ class ComponentManager:
         self._core = core
         # Puts new code on probation: `rollback.Probations.begin`, if there are any.
         self.put_on_probation: PutOnProbation = lambda old, new, undo: None
+        # Puts a component on probation that new code has added: `rollback.Probations.begin_added`.
+        self.put_added_on_probation: Callable[[Task, AnyComponent], None] = lambda task, component: None
         self.calls: NewCodeCalls = NewCodeCalls(self.node)
         self.replace_component: Callable[[Component | None, Component | None], None] = life.registry.replace_component
         self._has_loops = not self.node.is_replay
@@ -87,6 +89,7 @@ class ComponentManager:
             self.replace_component(None, component)
             if is_started:
                 self._begin_added(component)
+            self.put_added_on_probation(task, component)
         except (Exception, SystemExit) as error:
             message = _error_text(error, "while it was added; the node continues without it")
             return self.report(tasks.ADD_COMPONENT_TASK_NAME, requested, False, message)

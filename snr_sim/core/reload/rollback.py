@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from functools import partial, wraps
 
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.handlers import as_tasks, handler_name
+from snr_sim.core.handlers import as_tasks, handler_name, schedule_returned
 from snr_sim.core.loop import Loop
 from snr_sim.core.machine import GuardedCall
 from snr_sim.core.reload.new_code_calls import AbandonedCallError, origin_of
@@ -27,7 +27,7 @@ from snr_sim.core.reload.reload import AnyComponent, ComponentManager
 from snr_sim.core.run_diagnostics import writers_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.errors import ComponentFailedError, TaskError
 from snr_sim.prelude.task import Page, SomeTasks, Task, TaskHandler, TaskId, TaskType
 
 # New code is on probation until this node time has passed and its component's handlers have been called this often. A
@@ -42,7 +42,7 @@ class Probation:
 
     Args:
         number: of the reload in its node, which began at node time `began_s`.
-        old, new: the components that were exchanged, by name.
+        old, new: the components that were exchanged, by name; those that the new code has added are in `new` only.
         undo: restores the code and the state of the factories.
         calls: number of handler calls of each new component, by its name.
     """
@@ -78,7 +78,8 @@ class Probations:
         if self._node.is_replay:
             self._node.machine.on_input = self.on_input
         manager.put_on_probation, manager.life.handle_failure = self.begin, self.handle_failure
-        manager.life.blame_suspects = self.blame_suspects
+        manager.put_added_on_probation = self.begin_added
+        manager.life.blame_suspects, manager.life.maker_of = self.blame_suspects, self._calls.maker_of
 
     def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
         """Put a reload's components on probation; arguments as of `Probation`. The reload adds to them later."""
@@ -92,6 +93,14 @@ class Probations:
         self._node.machine.lookup.wrap_handler = self.wrap_handler
         self._node.machine.on_input = self.on_input
         self._manager.life.wrap_loop = self.wrap_loop
+
+    def begin_added(self, task: Task, component: AnyComponent) -> None:
+        """Put a component on probation if new code that is has made the task that added it."""
+        _, maker = self._calls.made.get(id(task), (None, ""))
+        probation = self._find(maker)
+        if probation is not None:
+            probation.new[component.name] = component
+            self._node.handlers_changed()
 
     def on_input(self, task: Task, source: str) -> None:
         """Remember a page that a loop on probation brings; in a replay also a failed call."""
@@ -110,10 +119,14 @@ class Probations:
         is_on = probation is not None and probation.is_on(loop.name, self._node.machine.now_s)
         return partial(self._call_loop, loop) if is_on else loop.loop
 
-    def _call_loop(self, loop: Loop) -> SomeTasks:
+    def _call_loop(self, loop: Loop) -> None:
+        def call() -> None:
+            schedule_returned(loop.loop(), loop, loop.loop)
+            self._calls.check([task for task, source in self._node.inbox.waiting if source == loop.name], loop.name)
+
         try:
-            return self._calls.call("", loop.name, loop.loop)
-        except AbandonedCallError:
+            self._calls.call("", loop.name, call)
+        except (AbandonedCallError, TaskError):
             self._node.inbox.drop(loop.name)  # there may be very many
             raise
 
@@ -156,6 +169,7 @@ class Probations:
                 returned, scheduled = self._calls.call_guarded(
                     what, name, lambda: as_tasks(handler(task, task_id), component, handler)
                 )
+                self._calls.check(returned, name)
                 self._calls.keep(name, returned)
                 return [*scheduled, *returned]
             except (Exception, SystemExit) as error:
@@ -264,7 +278,7 @@ class Probations:
             for created in probation.new.values():
                 remarks += [failure.message for failure in self._manager.life.end_removed(created)]
             probation.undo()
-            old |= probation.old
+            old = {one: was for one, was in old.items() if one not in probation.new} | probation.old
             new = probation.new | new
         self._undone_s[name] = self._node.machine.now_s
         self._calls.roll_back(new)
@@ -272,11 +286,15 @@ class Probations:
         there = self._manager.all()
         back = [one for one in there if new.get(one) is there[one]]  # the others have been removed since
         for one in back:
-            self._manager.replace_component(new[one], old[one])
-            remarks += self._manager.begin_again(old[one])
+            self._manager.replace_component(new[one], old.get(one))
+            if one in old:
+                remarks += self._manager.begin_again(old[one])
+            else:
+                remarks.append(f"'{one}', which its code had added, was removed.")
         after_s = self._node.machine.now_s - failed.began_s
         what, _, fix = message.partition("\n  Try: ")
-        words = f"{subject}{after_s:.3f} s after its reload, which was rolled back: {', '.join(back)} as before it."
+        as_before = ", ".join(one for one in back if one in old)
+        words = f"{subject}{after_s:.3f} s after its reload, which was rolled back: {as_before} as before it."
         fix = fix or "correct this line and save the file again."
         lines = "\n  ".join([what, words, *remarks, f"Try: {fix}"])
         return self._manager.report(TaskType.reload.value, name, False, lines)
