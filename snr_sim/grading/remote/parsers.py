@@ -7,6 +7,7 @@ f-string occupy Python's own parser for one. In a process with limits that fails
 from __future__ import annotations
 
 import ast
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,9 +64,9 @@ def check_imports(
                     f"{name}, line {line}: imports {module}, but {reason}.", f"Do without importing {module}: {reason}."
                 )
             top = module.partition(".")[0]
-            if (folder / f"{top}.py").is_file():
+            if os.path.isfile(folder / f"{top}.py"):  # of Path, a name that is too long for a file raises
                 waiting.append(f"{top}.py")
-            elif (folder / top).is_dir():
+            elif os.path.isdir(folder / top):
                 waiting += [path.relative_to(folder).as_posix() for path in sorted((folder / top).rglob("*.py"))]
 
 
