@@ -32,7 +32,7 @@ from snr_sim.web.trace_index import TraceIndex, in_input, in_returned, tasks_in
 PAGE_SOURCE = "live"  # name of the loop that brings what pages ask for, and source of its tasks
 _LEVEL = b'"level":"PROGRAM",'
 _INPUT_PAGE = re.compile(rb'^{"kind":"input",[^{]*"type":"store_page","name":("(?:[^"\\\\]|\\\\.)*"),')
-MAX_PROGRAMS = 200  # beside the first one; those before are in the recording
+MAX_PROGRAMS = 200  # those before are in the recording
 _MAX_INPUTS = 20
 _SEARCHED_FOR_NAMES = 1 << 22  # bytes at the begin of a trace: machines record their programs before the first task
 

@@ -24,7 +24,6 @@ from snr_sim.links.link import MAX_TASKS_WAITING
 from snr_sim.links.messages import HelloMessage, RefusedMessage, encode_message
 from snr_sim.links.streams import READ_BYTES
 from snr_sim.testing.function_components import FunctionEndpointFactory
-
 from tests.fuzz_parsers import mutated
 
 from .test_session import HOSTILE

@@ -75,7 +75,7 @@ def _need_students(paths: Sequence[Path], required_files: Sequence[str]) -> None
 
 
 def _refusal(folder: Path, required_files: Sequence[str]) -> SnrError | None:
-    """Return why a folder is no submission, or None."""
+    """Return why a folder cannot be a submission, or None."""
     try:
         inside = sorted(one for one in folder.iterdir() if not is_ignored(one.name))
     except OSError as error:
