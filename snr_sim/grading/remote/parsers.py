@@ -26,6 +26,7 @@ _ONE_PROCESS = "a submission has one process and one thread, which the grader st
 _PYTHON_ONLY = "a submission is plain Python"
 _GRADES_ITSELF = "a submission does not grade itself"
 _MAX_SOURCE_BYTES = 1 << 20
+MAX_IMPORTS_CPU_S = 10.0  # for all files that a program imports; one has as much, and there may be 500
 REFUSED: dict[str, str] = {
     **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
     **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
@@ -54,6 +55,11 @@ def check_imports(
         if name in seen:
             continue
         seen.add(name)
+        if (child.cpu_time_s or 0.0) > MAX_IMPORTS_CPU_S:
+            raise SubmissionError(
+                f"{name}: the imports of {file} took more than {MAX_IMPORTS_CPU_S:g} s to read.",
+                "Hand in only what the lab asks for.",
+            )
         if name.endswith(LRP):
             waiting += _parsed(folder / name, child, files_in)
             continue
