@@ -30,10 +30,9 @@ from snr_sim.web.explanation import Explanations
 from snr_sim.web.messages import By, Edit, Edited, Hello, HungUpError, Problem, Program, Rights, State, Try
 from snr_sim.web.moments import MAX_MOMENTS, Moments, moment_of
 from snr_sim.web.readings import commands_of, parts_of, readings_of, shown
-from snr_sim.web.timeline import PAGE_SOURCE, RecordedTimeline, program_of
+from snr_sim.web.timeline import MAX_PROGRAMS, PAGE_SOURCE, RecordedTimeline, program_of
 
 MAX_UNANSWERED = 64  # edits
-MAX_PROGRAMS = 200  # those before are in the recording
 MAX_PROBLEMS = 100
 _EVENTS = {"pause": "pause", "go": "go", "step": "step_once"}
 

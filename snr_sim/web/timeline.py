@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -32,12 +32,25 @@ from snr_sim.web.trace_index import TraceIndex, in_input, in_returned, tasks_in
 PAGE_SOURCE = "live"  # name of the loop that brings what pages ask for, and source of its tasks
 _LEVEL = b'"level":"PROGRAM",'
 _INPUT_PAGE = re.compile(rb'^{"kind":"input",[^{]*"type":"store_page","name":("(?:[^"\\\\]|\\\\.)*"),')
+MAX_PROGRAMS = 200  # those before are in the recording
 _MAX_INPUTS = 20
 _SEARCHED_FOR_NAMES = 1 << 22  # bytes at the begin of a trace: machines record their programs before the first task
 
 
+class _Edited(NamedTuple):
+    """What `program_of` makes a program of, but for its number: without the graphs, it is small."""
+
+    text: str
+    sha256: str
+    files: dict[str, str]
+    by: By
+    t_s: float
+
+
 class RecordedTimeline:
     """A machine of a recorded run.
+
+    Of a robot that is edited all day, only the newest programs are kept; an older one is read again when it is shown.
 
     Args:
         folder: of the run.
@@ -62,7 +75,10 @@ class RecordedTimeline:
             raise UnknownNameError(f"The run {folder} has no machine '{name}'.", fix=suggest(name, names))
         self.name: str = name or names[0]
         self.moments: Moments = Moments(max_kept=None)
-        self.programs: dict[int, Program] = {}
+        self._edited: dict[int, _Edited] = {}  # by number; in the order in which they came
+        self._shown: dict[int, _Edited] = {}  # the one that was read again last
+        self._kept = 0  # number of a program that is kept for good, if it is not 0
+        self._greatest = 1  # number of any program so far
         self._bridge = bridge
         self._others = inputs_in(path) if bridge is None else []
         self._number = 1
@@ -140,7 +156,7 @@ class RecordedTimeline:
         values, source, is_of_file = self._edits.popleft()
         if not page.data["ok"]:
             return
-        before = self.program(self._number)
+        before = self._edited.get(self._number) or self._first()
         text, files = before.text, dict(before.files)
         if is_of_file:
             files[values[1]] = values[0]
@@ -148,15 +164,33 @@ class RecordedTimeline:
             text, files = values[0], (dict(values[2]) if len(values) > 2 and values[2] is not None else files)
         self._number = page.data["program"]
         by: By = "page" if source == PAGE_SOURCE else "elsewhere"
-        self.programs[self._number] = program_of(self._number, text, page.data["sha256"], files, by, page.created_at_s)
+        self._edited.pop(self._number, None)  # of a component that was replaced: programs are numbered from 1 again
+        self._edited[self._number] = _Edited(text, page.data["sha256"], files, by, page.created_at_s)
+        self._greatest = max(self._greatest, self._number)
+        if len(self._edited) > MAX_PROGRAMS:
+            del self._edited[next(one for one in self._edited if one != self._kept)]
+
+    def _first(self) -> _Edited:
+        text = "\n".join([*self._text, ""])
+        files = {name: "\n".join([*lines, ""]) for name, lines in self._files.items()}
+        return _Edited(text, hashlib.sha256(text.encode()).hexdigest(), files, "start", 0.0)
 
     def program(self, number: int) -> Program:
-        """Return a program by its number; the first one if there is none of that number."""
-        if 1 not in self.programs:
-            text = "\n".join([*self._text, ""])
-            files = {name: "\n".join([*lines, ""]) for name, lines in self._files.items()}
-            self.programs[1] = program_of(1, text, hashlib.sha256(text.encode()).hexdigest(), files, "start", 0.0)
-        return self.programs.get(number, self.programs[1])
+        """Return a program by its number; the first one if there is none of that number.
+
+        Raises:
+            TraceError: the trace is damaged, or has been removed.
+        """
+        if number not in self._edited and number not in self._shown and 1 < number <= self._greatest:
+            again = RecordedTimeline(self._index.path, self.name, self._bridge)
+            again._kept = number
+            try:
+                again.read_all()
+            finally:
+                again.close()
+            self._shown = {number: again._edited.get(number, again._first())}
+        found = self._edited.get(number) or self._shown.get(number)
+        return program_of(1, *self._first()) if found is None else program_of(number, *found)
 
     @property
     def newest_program(self) -> Program:

@@ -22,7 +22,7 @@ from typing import Any, TypeAlias
 
 from snr_sim.devices.emulated.toolchain import ToolsMissingError
 from snr_sim.grading.sandbox.sandbox import IsolationMissingError
-from snr_sim.prelude.errors import MissingExtraError
+from snr_sim.prelude.errors import ComponentFailedError, MissingExtraError
 
 _OURS = ("snr_sim", "harness", "peers")
 # Prepares a trial, untimed, and returns the function to time: each turn starts from the same state.
@@ -148,8 +148,10 @@ def what_can_run(name: str, measure: Callable[[], Iterable[Outcome]]) -> Iterato
     """Yield what a part of a benchmark measures; where a package or a tool is missing, that it was skipped."""
     try:
         yield from measure()
-    except _MISSING as missing:
-        if isinstance(missing, ModuleNotFoundError) and (missing.name or "").partition(".")[0] in _OURS:
+    except (*_MISSING, ComponentFailedError) as error:
+        missing = error.__cause__ if isinstance(error, ComponentFailedError) else error  # a node needed it
+        is_ours = isinstance(missing, ModuleNotFoundError) and (missing.name or "").partition(".")[0] in _OURS
+        if is_ours or not isinstance(missing, _MISSING):
             raise
         yield Skipped(name, str(missing))
 

@@ -58,9 +58,13 @@ ROW = 'Row("a step", 2.0, "us", ratio=1.5, ratio_limit=2.0)'
 FILES = {
     "fails": f"def measure(is_quick):\n    yield {ROW}\n    raise RuntimeError('no such neutral')\n",
     "lacks": "import a_package_that_nobody_has\n",
-    "partly": "from snr_sim.prelude.errors import MissingExtraError\n"
-    "def lacking():\n    raise MissingExtraError('pyserial', 'io')\n"
-    "    yield\ndef measure(is_quick):\n    yield from what_can_run('the line', lacking)\n"
+    "partly": "from snr_sim import Config, Node\nfrom snr_sim.prelude.errors import MissingExtraError\n"
+    "from snr_sim.testing.function_components import FunctionLoopFactory\n"
+    "def lacking():\n    raise MissingExtraError('pyserial', 'io')\n    yield\n"
+    "def lacking_in_a_node():\n    loop = FunctionLoopFactory(lambda loop: next(lacking()), 'pilot', 10.0)\n"
+    "    Node('r', Config(factories={'r': [loop]})).loop()\n    yield\n"
+    "def measure(is_quick):\n    yield from what_can_run('the line', lacking)\n"
+    "    yield from what_can_run('the pilot', lacking_in_a_node)\n"
     f"    yield {ROW}\n",
 }
 
@@ -84,6 +88,7 @@ def test_results_are_printed_although_one_benchmark_fails(project: Path) -> None
     assert done.stdout.count("a step") == 2  # also that of the one that failed later
     assert "skipped: lacks: No module named 'a_package_that_nobody_has'" in done.stdout
     assert "skipped: the line:" in done.stdout
+    assert "skipped: the pilot: This needs the package 'pyserial'" in done.stdout
     assert "RuntimeError: no such neutral" in done.stderr
     assert "The benchmark 'fails' stopped with status 1" in done.stderr
 
@@ -98,7 +103,7 @@ def test_second_run_is_compared_with_first_as_json(project: Path) -> None:
     assert second.returncode == 2  # as one fails
     found = json.loads(second.stdout)
     assert [one["subject"] for one in found["failed"]] == ["fails"]
-    assert {row["name"] for row in found["skipped"]} == {"lacks", "the line"}
+    assert {row["name"] for row in found["skipped"]} == {"lacks", "the line", "the pilot"}
     (slower,) = found["slower"]
     assert (slower["subject"], slower["ratio"], slower["before"]) == ("partly", 1.8, 1.5)
     assert "partly: a step is slower: 1.80 x the bare version, 1.50 x before" in second.stderr

@@ -57,3 +57,14 @@ def test_slow_python_source_costs_the_grader_no_cpu_time(tmp_path: Path) -> None
     with Student(tmp_path) as student:
         assert student.call("mine.py", "f", budget_s=30.0) == 1
     assert time.process_time() - begun_s < 0.5
+
+
+def test_many_slow_modules_cost_the_time_of_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("snr_sim.grading.remote.parsers.MAX_IMPORTS_CPU_S", 0.5)
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "mine.py").write_text("import parts\ndef f():\n    return 1\n")
+    for number in range(40):
+        (tmp_path / "parts" / f"m{number}.py").write_text("a = 1\ntext = f'" + "{a}" * 10_000 + "'\n")
+    with Student(tmp_path) as student, pytest.raises(SubmissionError, match=r"the imports of mine\.py took") as wrong:
+        student.call("mine.py", "f", budget_s=30.0)
+    assert wrong.value.hint == "Hand in only what the lab asks for."

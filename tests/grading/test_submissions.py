@@ -1,5 +1,7 @@
 """Submissions of a class: each has a unique name, and invalid ones are reported."""
 
+import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -57,6 +59,26 @@ def test_class_folder_with_a_loose_file_raises_only_when_alone(tmp_path: Path) -
     assert len(name_submissions([tmp_path / "class"], required_files=["depth_hold.py"])) == 1
 
 
+def test_students_folder_of_folders_does_not_stop_the_others(tmp_path: Path) -> None:
+    for name in ("ada/src", "ada/tests", "bob"):
+        (tmp_path / name).mkdir(parents=True)
+    given = [tmp_path / "ada", tmp_path / "bob"]
+    assert [one.id for one in name_submissions(given, required_files=["depth_hold.py"])] == ["ada", "bob"]
+    (tmp_path / "bob" / "left").mkdir()
+    (tmp_path / "bob" / "right").mkdir()
+    with pytest.raises(SnrError, match=r"'.*ada' is not a submission, but holds 2: src, tests"):  # all are of classes
+        name_submissions(given)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="this system has no such names")
+def test_name_of_a_submission_that_is_not_text_raises(tmp_path: Path) -> None:
+    given = tmp_path / os.fsdecode(b"Zo\xeb.zip")
+    given.touch()
+    with pytest.raises(SnrError, match=r"The name 'Zo\\udceb\.zip' is not text") as error:
+        name_submissions([given])
+    assert error.value.fix == "rename it."
+
+
 def test_unreadable_folder_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuses(folder: Path) -> Iterator[Path]:
         raise PermissionError(13, "Permission denied", str(folder))
@@ -65,3 +87,5 @@ def test_unreadable_folder_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(SnrError, match=r"cannot be read: Permission denied\.") as error:
         name_submissions([tmp_path])
     assert error.value.fix
+    (tmp_path / "ada.zip").touch()
+    assert len(name_submissions([tmp_path, tmp_path / "ada.zip"])) == 2  # the import reports it

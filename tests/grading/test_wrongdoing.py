@@ -91,6 +91,7 @@ def error_of_call(folder: Path, source: str, **limits: int) -> SubmissionError:
         ),
         ("import socket", "mine.py, line 1: imports socket, but there is no network", "Do without importing socket"),
         ("import package", "package/inner.py, line 1: imports ctypes", "Do without importing ctypes"),
+        (f"import {'m' * 300}", "mine.py, line 1: import mmm", "could not be read to its end"),
         ("import beside", "beside.py, line 1: imports subprocess, but", "Do without importing subprocess"),
         ("import threading\ndef f(x):\n    threading.Thread().start()", "mine.py, line 3: ", "look at the line named"),
         (

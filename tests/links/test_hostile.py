@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import random
 import socket
 import struct
 import threading
+import tracemalloc
 from collections.abc import Callable
+from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,7 @@ from snr_sim.links.link import MAX_TASKS_WAITING
 from snr_sim.links.messages import HelloMessage, RefusedMessage, encode_message
 from snr_sim.links.streams import READ_BYTES
 from snr_sim.testing.function_components import FunctionEndpointFactory
+from tests.fuzz_parsers import mutated
 
 from .test_session import HOSTILE
 
@@ -96,6 +100,33 @@ def test_long_integer_does_not_end_a_printer(start: Start, pair: SocketsPair, ra
 
 def test_other_protocol_version_is_refused_with_the_reason(robot: Any, pair: SocketsPair, raw: Connect) -> None:
     assert "version 2, the other end snr version 7" in raw(pair.port, version=7).messages()[-1].reason
+
+
+@pytest.mark.nightly(minutes=1)
+def test_thousands_of_random_connections_leave_no_growth(robot: Any, start: Start, pair: SocketsPair) -> None:
+    rng, seeds = random.Random(1), [HELLO + encode_frame(page("x", [1, {"a": 2.5}])), encode_frame(page()), b"\0" * 9]
+
+    def connect(count: int) -> int:
+        """Return the memory in use after so many connections with damaged frames."""
+        for _ in range(count):
+            with socket.create_connection((HERE, pair.port), 60.0) as far, suppress(OSError):
+                if rng.random() < 0.3:
+                    far.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # ends by a reset
+                far.sendall(mutated(rng, seeds, 3000))
+                far.recv(1 << 16)
+        robot.stored.clear()
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        before = connect(500)
+        growth = connect(4000) - before
+    finally:
+        tracemalloc.stop()
+    assert growth < 100_000, growth
+    assert serves(robot, start, pair)
+    assert robot.failure is None
 
 
 def test_key_of_a_megabyte_is_rejected(robot: Any, pair: SocketsPair, raw: Connect) -> None:

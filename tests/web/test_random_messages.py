@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.web import live_machine, session
+from snr_sim.web import live_machine, session, timeline
 from snr_sim.web.live import LiveLoopFactory
 from snr_sim.web.messages import decode_from_page
 from tests.web.dive import with_push
@@ -100,7 +100,7 @@ def test_2000_edits_leave_no_growth(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "CHANGES_PER_S", 1e9)
     monkeypatch.setattr(session, "CHANGES_AT_ONCE", 1e9)
     with served() as (node, live), browser(live.access) as page:
-        sha256 = edit_often(page, page.receive()["sha256"], live_machine.MAX_PROGRAMS + 300)
+        sha256 = edit_often(page, page.receive()["sha256"], timeline.MAX_PROGRAMS + 300)
         tracemalloc.start()
         try:
             sha256 = edit_often(page, sha256, 500)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -112,6 +114,27 @@ def test_programs_are_those_of_the_edits_that_were_taken(record: Record, timelin
     assert [one.name for one in shown.program(3).graph[0].states] == ["sinking", "rising"]
     assert shown.program(1).signals == ["halt"]
     assert [shown.state_at(t_s).number for t_s in (0.39, 0.41, 0.7, 0.9)] == [1, 2, 2, 3]
+
+
+def test_old_programs_are_not_kept_and_read_again(
+    record: Record, timeline: Timeline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("snr_sim.web.timeline.MAX_PROGRAMS", 20)
+    used, shown = [], {}
+    for count in (40, 240):
+        edits = [event_at(0.4 + 0.01 * i, "diver.edit", with_push(i % 97)) for i in range(count)]
+        folder = record(*edits, name=f"{count}")
+        tracemalloc.start()
+        try:
+            shown[count] = timeline(folder)
+            gc.collect()
+            used.append(tracemalloc.get_traced_memory()[0])
+        finally:
+            tracemalloc.stop()
+    assert used[1] - used[0] < 20_000, used  # 500 bytes were measured, and 560 000 when all were kept
+    for number in (241, 100, 2, 100, 222):
+        assert shown[240].program(number).text == with_push((number - 2) % 97)
+    assert shown[240].program(1).text == shown[240].program(1000).text == DIVER
 
 
 def test_edit_of_a_live_page_is_known_by_its_source(record: Record, timeline: Timeline) -> None:

@@ -7,6 +7,7 @@ f-string occupy Python's own parser for one. In a process with limits that fails
 from __future__ import annotations
 
 import ast
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,7 @@ _ONE_PROCESS = "a submission has one process and one thread, which the grader st
 _PYTHON_ONLY = "a submission is plain Python"
 _GRADES_ITSELF = "a submission does not grade itself"
 _MAX_SOURCE_BYTES = 1 << 20
+MAX_IMPORTS_CPU_S = 10.0  # for all files that a program imports; one has as much, and there may be 500
 REFUSED: dict[str, str] = {
     **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
     **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
@@ -53,6 +55,11 @@ def check_imports(
         if name in seen:
             continue
         seen.add(name)
+        if (child.cpu_time_s or 0.0) > MAX_IMPORTS_CPU_S:
+            raise SubmissionError(
+                f"{name}: the imports of {file} took more than {MAX_IMPORTS_CPU_S:g} s to read.",
+                "Hand in only what the lab asks for.",
+            )
         if name.endswith(LRP):
             waiting += _parsed(folder / name, child, files_in)
             continue
@@ -63,9 +70,9 @@ def check_imports(
                     f"{name}, line {line}: imports {module}, but {reason}.", f"Do without importing {module}: {reason}."
                 )
             top = module.partition(".")[0]
-            if (folder / f"{top}.py").is_file():
+            if os.path.isfile(folder / f"{top}.py"):  # of Path, a name that is too long for a file raises
                 waiting.append(f"{top}.py")
-            elif (folder / top).is_dir():
+            elif os.path.isdir(folder / top):
                 waiting += [path.relative_to(folder).as_posix() for path in sorted((folder / top).rglob("*.py"))]
 
 
