@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 import os
 import random
+import signal
 import stat
 import subprocess
 import sys
@@ -248,25 +250,37 @@ def check_class(folder: Path, seed: int) -> list[dict[str, str]]:
     return rows
 
 
-def grade(folder: Path, given: list[Path]) -> tuple[int, str, float, int]:
+# Between pytest and `snr grade`: what the kernel says of a process's memory counts that of the one that forked it.
+MEASURED = """
+import resource, subprocess, sys
+status = subprocess.call(sys.argv[1:], stdout=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss)
+sys.exit(status)
+"""
+
+
+def grade(folder: Path, given: list[Path]) -> tuple[int, str, float, float]:
     """Return the exit status of `snr grade`, its stderr, and the CPU time and greatest memory of its processes."""
     (folder / "secret").write_text("correct horse battery staple")
     words = [sys.executable, "-m", "snr_sim", "grade", LAB, *given, "--out", folder / "out", "--isolation", "none"]
     environment = {**os.environ, "TMPDIR": str(folder / "tmp")}
-    with (folder / "tmp.err").open("w+") as errors:
+    with (folder / "tmp.err").open("w+") as errors, (folder / "tmp.used").open("w+") as used:
         process = subprocess.Popen(
-            [*map(str, words), "--secret", str(folder / "secret")],
-            stdout=subprocess.DEVNULL, stderr=errors, env=environment, start_new_session=True,
+            [sys.executable, "-c", MEASURED, *map(str, words), "--secret", str(folder / "secret")],
+            stdout=used, stderr=errors, env=environment, start_new_session=True,
         )  # fmt: skip
-        killer = threading.Timer(MAX_WALL_S, process.kill)
+        killer = threading.Timer(MAX_WALL_S, os.killpg, (process.pid, signal.SIGKILL))
         killer.start()
-        _, ended, used = os.wait4(process.pid, 0)
+        status = process.wait()
         killer.cancel()
-        process.returncode = os.waitstatus_to_exitcode(ended)
         errors.seek(0)
         stderr = errors.read()
-    (folder / "tmp.err").unlink()
-    return process.returncode, stderr, used.ru_utime + used.ru_stime, used.ru_maxrss
+        used.seek(0)
+        cpu_s, memory_kib = map(float, used.read().split() or (math.inf, math.inf))
+    for name in ("tmp.err", "tmp.used"):
+        (folder / name).unlink()
+    return status, stderr, cpu_s, memory_kib
 
 
 @pytest.mark.slow
