@@ -380,6 +380,7 @@ def measure(is_quick: bool) -> Iterator[Outcome]:
         ("a step of the explorer, 1000 steps a second", HandExplorer, EXPLORER, True, 4.5),
         ("a transition: condition, exit block, entry block", HandSwitch, SWITCH, False, 8.0),
         ("a transition in LRP: reads, commands, assigns", HandCommander, LRP_SWITCH, False, 8.0),
+        ("the same, beside one by hand that neither commands nor assigns", HandSwitch, LRP_SWITCH, False, None),
     ):
         by_hand = steps_of(lambda pages, hand=hand: hand(pages.get), count, is_moving=is_moving)
         found = compare(by_hand, steps_of(interpreted(program), count, is_moving=is_moving), rounds=rounds)

@@ -17,7 +17,7 @@ VENDOR = PROJECT / "snr_sim" / "web" / "vendor"
 OWN = sorted(STATIC.glob("*.*"))
 MAX_BUNDLE_BYTES = 500_000
 MAX_BYTES = 600_000
-MAX_LINES = 1225  # of code, without comments
+MAX_LINES = 1225  # of code, without comments; 1200 before an edit could be tried and imported files were shown
 WAYS_TO_HTML = r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|DOMParser|srcdoc|\beval\(|new Function"
 
 
