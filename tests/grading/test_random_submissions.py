@@ -33,6 +33,7 @@ from tests.fuzz_parsers import mutated
 ROOT = Path(__file__).parents[2]
 LAB = Path(__file__).parent / "labs" / "03_texts"
 PRIVATE_TEXT = b"this is in no submission"
+OF_THIS_COMPUTER = ("/etc/passwd", "/dev/zero")
 SUBMISSIONS = 8  # of a class, and an honest one
 MAX_CPU_S = 5.0  # for one submission on average, with the start of the workers; 0.6 were measured
 MAX_MEMORY_KIB = 300_000  # of any process; 123 000 were measured
@@ -88,8 +89,26 @@ def seeds_of_texts(folder: Path) -> dict[str, list[bytes]]:
     }
 
 
+def write_new(path: Path, data: bytes) -> None:
+    """Write a file that is not there yet: a link there would lead to one of this computer, and a pipe would block."""
+    with path.open("xb") as file:
+        file.write(data)
+
+
+def change(path: Path, do: Callable[[int], object], flags: int = os.O_RDWR) -> None:
+    """Call a function with the descriptor of a file, but not of one that a link leads to."""
+    descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        do(descriptor)
+    finally:
+        os.close(descriptor)
+
+
 class RandomTree:
-    """A folder of a submission, filled at random; links lead to `outside`, among others."""
+    """A folder of a submission, filled at random; links lead to `outside` and to files of this computer.
+
+    So that these are not changed, nothing is written or closed through a link.
+    """
 
     def __init__(self, folder: Path, outside: Path, rng: random.Random, texts: dict[str, list[bytes]]) -> None:
         self.folder = folder
@@ -124,7 +143,7 @@ class RandomTree:
 
     def _link(self) -> None:
         path = self._new()
-        to = [self._outside / "private", self._outside, "/etc/passwd", "/dev/zero", "/proc/self/mem", "nowhere"]
+        to = [self._outside / "private", self._outside, *OF_THIS_COMPUTER, "/proc/self/mem", "nowhere"]
         path.symlink_to(self._rng.choice([*to, ".", "..", path, "double.py"]))
 
     def _node(self) -> None:
@@ -140,7 +159,7 @@ class RandomTree:
             path /= self._rng.choice(("d", "d" * 200))
             path.mkdir()
             self._folders.append(path)
-        (path / "double.py").write_bytes(RIGHT)
+        write_new(path / "double.py", RIGHT)
 
     def _wide(self) -> None:
         folder = self._new()
@@ -156,22 +175,22 @@ class RandomTree:
             path.mkdir()
             self._folders.append(path)
         else:
-            path.write_bytes(self._rng.randbytes(self._rng.choice((0, 10, 100_000))))
+            write_new(path, self._rng.randbytes(self._rng.choice((0, 10, 100_000))))
 
     def _sparse(self) -> None:
-        with self._new().open("wb") as file:
+        with self._new().open("xb") as file:
             file.truncate(self._rng.choice((1 << 20, 40 << 20, 1 << 36)))
 
     def _closed(self) -> None:
         for path in self._folders[1:2] or [self.folder / "helper.py"]:
-            path.chmod(0)
+            change(path, lambda descriptor: os.fchmod(descriptor, 0), os.O_RDONLY)
 
     def _twin(self) -> None:
         name = self._rng.choice(("Double.py", "DOUBLE.PY", "Helper.py", "\uff44ouble.py"))
-        (self.folder / name).write_bytes(RIGHT)
+        write_new(self.folder / name, RIGHT)
 
     def _archive(self) -> None:
-        with zipfile.ZipFile(self._new(), "w") as archive:
+        with zipfile.ZipFile(self._new(), "x") as archive:
             archive.writestr("double.py", RIGHT)
 
 
@@ -183,20 +202,25 @@ def keep_changing(folder: Path, outside: Path, is_over: threading.Event) -> None
         lambda: part.symlink_to(outside),
         part.unlink,
         lambda: aside.rename(part),
-        lambda: os.truncate(file, 5),
-        lambda: file.write_bytes(RIGHT + b"#" * 200_000),
+        lambda: change(file, lambda descriptor: os.truncate(descriptor, 5)),
+        lambda: change(file, lambda descriptor: os.pwrite(descriptor, RIGHT + b"#" * 200_000, 0)),
         file.unlink,
         lambda: file.symlink_to(outside / "private"),
         file.unlink,
         lambda: os.mkfifo(file),
         file.unlink,
-        lambda: file.write_bytes(RIGHT),
+        lambda: write_new(file, RIGHT),
     ]
     for step in itertools.cycle(steps):
         if is_over.wait(0.0001):
             return
         with suppress(OSError):
             step()
+
+
+def times_of_changes() -> list[int]:
+    """Return when the files of this computer to which links lead were last changed."""
+    return [os.stat(path).st_ctime_ns for path in OF_THIS_COMPUTER]
 
 
 def files_in(folder: Path) -> dict[str, tuple[int, int, bytes]]:
@@ -217,7 +241,7 @@ def check_class(folder: Path, seed: int) -> list[dict[str, str]]:
         one.mkdir(parents=True)
     (outside / "private").write_bytes(PRIVATE_TEXT)
     (outside / "0.lrp").write_bytes(PRIVATE_TEXT)
-    texts = seeds_of_texts(folder)
+    texts, changed_ns = seeds_of_texts(folder), times_of_changes()
     for name, (right, *_) in texts.items():
         (honest / name).write_bytes(right)
     trees = [RandomTree(given / f"s{i}", outside, rng, texts) for i in range(SUBMISSIONS)]
@@ -241,6 +265,7 @@ def check_class(folder: Path, seed: int) -> list[dict[str, str]]:
     assert {row["status"] for row in rows} <= {"graded", "rejected"}, [row["error"] for row in rows]
     assert (rows[0]["status"], rows[0]["points"], status) == ("graded", "100", 0), errors
     assert before == [files_in(one) for one in still]
+    assert changed_ns == times_of_changes()
     assert list(private.iterdir()) == []
     assert {one.name for one in folder.iterdir()} <= {"given", "outside", "tmp", "out", "secret", "policy.npz"}
     for path, (_, _, data) in files_in(folder / "out").items():

@@ -340,7 +340,7 @@ def test_reload_keeps_the_moment_and_the_unfinished_text(start: Callable[[str], 
     page = open_page(start(BLINKER))
     wait_for(lambda: shown_s(page) > 2.0)
     put_cursor_in(page, "(ontime 1000 dark", ")")
-    page.keyboard.type(" xx yy")
+    page.keyboard.insert_text(" xx yy")  # at once: the space alone runs, and would be the text of now but not of 1.5 s
     page.locator(".cm-lint-marker-error").wait_for()
     show(page, 1.5)
     wait_for(lambda: value(page, "blink.turns") == "2")
