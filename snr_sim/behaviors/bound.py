@@ -93,8 +93,10 @@ class BoundState:
         self.chains: bool = any(one.kind == "eps" for one in own)
 
 
-# A transition, its effect, and its least time, or what computes that.
-BoundTransition: TypeAlias = tuple[Transition, tuple[Call, ...], int | Callable[[Any], Any] | None]
+# A transition, its least time or what computes that, its effect, and its kind, name, target and line: looked up once.
+BoundTransition: TypeAlias = tuple[
+    Transition, int | Callable[[Any], Any] | None, tuple[Call, ...], str, str, str, int
+]
 Row = tuple[int | None, Callable[[Any], Any] | None, BoundTransition]
 Spawned: TypeAlias = "tuple[BoundMachine, str]"  # with its initial state
 
@@ -204,7 +206,8 @@ def _row(machine: BoundMachine, transition: Transition, evaluations: Evaluations
     bindings = machine.bindings
     holds = None if condition is None else condition.bind(bindings)
     due = after_ns.bind(bindings) if isinstance(after_ns, Block) else after_ns
-    arrow = transition, _calls(() if effect is None else (effect,), bindings), due
+    calls, one = _calls(() if effect is None else (effect,), bindings), transition
+    arrow = one, due, calls, one.kind, one.name, one.target, one.place.line
     if evaluations is not None:
         return None, watched(machine, transition, due, holds, bindings, evaluations), arrow
     return (due, holds, arrow) if not callable(due) else (None, _with_time(due, holds), arrow)

@@ -188,7 +188,7 @@ class Interpreter:
             parts |= condition.reads
         for machine in self._walk():
             context.machine, rows = machine, () if machine.state is None else machine.state.plain
-            for definition, _, due in (arrow for _, _, arrow in rows):
+            for definition, due in (arrow[:2] for _, _, arrow in rows):
                 blocks = (definition.condition, definition.after_ns)
                 parts.update(*(one.reads for one in blocks if isinstance(one, Block)))
                 try:
@@ -285,8 +285,8 @@ class Interpreter:
         now_ns = self.context.now_ns
         mover, outermost = machine, None
         for _ in _CHAIN:
-            one, effect, _ = arrow
-            if one.kind == "exit":
+            _, _, effect, kind, name, target_name, line = arrow
+            if kind == "exit":
                 assert mover.parent is not None  # see `exits_at_top`
                 mover = outermost = mover.parent
             source, held_ns = mover.state, now_ns - mover.since_ns
@@ -298,17 +298,15 @@ class Interpreter:
             self.left.append((mover.path, source.name, held_ns))
             if effect:
                 self._run(mover, effect)
-            mover.state = target = mover.states[one.target]
+            mover.state = target = mover.states[target_name]
             mover.since_ns = now_ns
-            self._changes.append(
-                Change(now_ns, mover.path, one.kind, one.name, source.name, one.target, held_ns, one.place.line)
-            )
+            self._changes.append(Change(now_ns, mover.path, kind, name, source.name, target_name, held_ns, line))
             self._enter(mover, target)
             following = self._enabled(mover, target) if target.chains else None
             if following is None:
                 return outermost
             arrow = following
-        self._add_problem(mover, one.place.line, one.name, f"more than {MAX_CHAIN} transitions in one step")
+        self._add_problem(mover, line, name, f"more than {MAX_CHAIN} transitions in one step")
         return outermost
 
     def _enabled(self, machine: BoundMachine, state: BoundState) -> BoundTransition | None:

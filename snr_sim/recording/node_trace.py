@@ -44,7 +44,7 @@ class RecordSink(Protocol):
     def put(self, now_s: float, line: bytes) -> None:
         """Add a line to the trace."""
 
-    def find_repeat(self, task: ReturnedTask, seq: int, index: int) -> tuple[int, int] | None:
+    def find_repeat(self, key: str, values: bytes, seq: int, index: int) -> tuple[int, int] | None:
         """Return seq and index of an earlier task that carries the same page, and remember this one."""
 
 
@@ -72,15 +72,16 @@ class NodeTrace:
         """Record a task that arrived in the inbox."""
         if self._pending_output:
             self._write_output(now_s)
-        seq = self._next_seq()
-        encoded = encode_task(task)
+        writer = self._writer
+        self._newest = writer.seq = seq = writer.seq + 1
+        kind, name, values = _record_form(task)
         line: InputRecord | RepeatLine
-        place = self._writer.find_repeat(encoded, seq, 0)
+        place = writer.find_repeat(name, values, seq, 0) if kind == _STORE_PAGE else None
         if place is None:
-            line = InputRecord(seq, now_s, self._node, source, encoded.type, encoded.name, encoded.values)
+            line = InputRecord(seq, now_s, self._node, source, kind, name, Raw(values))
         else:
             line = RepeatLine(seq, now_s, self._node, source, *place)
-        self._writer.put(now_s, _encode(line))
+        writer.put(now_s, _encode(line))
         return (task, seq, 0, now_s)
 
     def task(self, now_s: float, task_ref: TaskRef, handled: Sequence[Handled]) -> list[TaskRef]:
@@ -154,10 +155,11 @@ class NodeTrace:
         """Return tasks in their record form, and add a ticket for each."""
         returned = []
         for task in tasks:
-            encoded = encode_task(task)
-            self._writer.find_repeat(encoded, seq, len(task_refs))
+            kind, name, values = _record_form(task)
+            if kind == _STORE_PAGE:
+                self._writer.find_repeat(name, values, seq, len(task_refs))
             task_refs.append((task, seq, len(task_refs), now_s))
-            returned.append(encoded)
+            returned.append(ReturnedTask(kind, name, Raw(values)))
         return returned
 
 
@@ -174,12 +176,18 @@ def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
 
 
 def encode_task(task: Task) -> ReturnedTask:
-    """Return the record form of a task; if its type or name is invalid, as text: the node reports that error later."""
+    """Return the record form of a task."""
+    kind, name, values = _record_form(task)
+    return ReturnedTask(kind, name, Raw(values))
+
+
+def _record_form(task: Task) -> tuple[str, str, bytes]:
+    """Return type, name and values; invalid types and names as text, since the node reports that error later."""
     kind: Any = task.type
     name: Any = task.name
     if not (isinstance(kind, str) and isinstance(name, str)):
         kind, name = str(kind), str(name)
-    return ReturnedTask(kind, name, Raw(_encode_values(task)))
+    return kind, name, _encode_values(task)
 
 
 def _encode_values(task: Task) -> bytes:

@@ -29,7 +29,7 @@ from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.recording.atomic_files import TraceFile
 from snr_sim.recording.node_trace import NodeTrace
-from snr_sim.recording.records import Header, ReturnedTask, TraceInfo, TruthRecord, digest_of
+from snr_sim.recording.records import Header, TraceInfo, TruthRecord, digest_of
 from snr_sim.recording.references import REPEAT_WITHIN
 from snr_sim.recording.trace_listener import ListenerThread, TraceListener
 
@@ -77,7 +77,7 @@ class TraceWriter:
         self._put_bytes = 0  # counted by the thread that puts
         self._taken_bytes = 0  # counted under `_losing` by the thread that takes; the difference is queued
         self._digest = digest_of()
-        self._stored_pages: dict[tuple[str, str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
+        self._stored_pages: dict[tuple[str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
         self._listener: ListenerThread | None = None
         self._whole_bytes = 0  # length of the file up to its last whole line
         self._unsynced_since_s = 0.0
@@ -127,18 +127,19 @@ class TraceWriter:
         vectors = {name: _round_vector(arrow) for name, arrow in truth["vectors"].items()}
         self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], vectors, truth["values"])))
 
-    def find_repeat(self, task: ReturnedTask, seq: int, index: int) -> tuple[int, int] | None:
-        """Return seq and index of an earlier task that carries the same page, and remember this one.
+    def find_repeat(self, key: str, values: bytes, seq: int, index: int) -> tuple[int, int] | None:
+        """Return seq and index of an earlier `store_page` task with this key and values, and remember this one.
 
         None if there was none recently, or if the run has only one node: then pages never cross nodes.
         """
-        if self._stored_pages is None or task.type != TaskType.store_page:
+        stored = self._stored_pages
+        if stored is None:
             return None
-        known = (task.type, task.name, bytes(task.values))
-        place = self._stored_pages.get(known)
-        self._stored_pages[known] = (seq, index)
-        if len(self._stored_pages) > 4 * REPEAT_WITHIN:
-            self._stored_pages = {one: at for one, at in self._stored_pages.items() if at[0] >= seq - REPEAT_WITHIN}
+        page = (key, values)
+        place = stored.get(page)
+        stored[page] = (seq, index)
+        if len(stored) > 4 * REPEAT_WITHIN:
+            self._stored_pages = {one: at for one, at in stored.items() if at[0] >= seq - REPEAT_WITHIN}
         return place if place is not None and place[0] >= seq - REPEAT_WITHIN else None
 
     @property
