@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -220,7 +221,8 @@ def test_confined_process_gets_only_its_own_paths(reports: dict[str, Any]) -> No
     begin = reports["who"]["arguments"][-1]
     assert begin.partition("; main(")[0].endswith("from snr_sim.grading.remote.child import main")
     paths = set(re.findall(r"'(/[^']*)'", begin.partition("; main(")[2]))
-    assert all(re.match(r"/(usr|lib\w*)$|/tmp/snr-(scratch|test)-", path) or path in KNOWN for path in paths), paths
+    own = rf"/(usr|lib\w*)$|{re.escape(tempfile.gettempdir())}/snr-(scratch|test)-"
+    assert all(re.match(own, path) or path in KNOWN for path in paths), paths
 
 
 def test_confined_process_cannot_read_other_files_or_processes(reports: dict[str, Any]) -> None:
