@@ -270,7 +270,8 @@ class TraceWriter:
                 self._unsynced_lines += whole
                 if whole < len(ready):
                     self._count_lost(ready[whole][0], len(ready) - whole)
-                self._failure = error  # last: the first report counts all that is lost so far
+                if error is not None:  # else a disk that answered too late would undo `_give_up`
+                    self._failure = error  # last: the first report counts all that is lost so far
             else:
                 self._count_lost(ready[0][0], len(ready))  # queued while the disk failed
             if self._listener is not None:
