@@ -243,13 +243,14 @@ class Fleet(Transport):
     def accept_page(self, member: Member, page: Page, raw: bytes, by: object) -> None:
         """Store a page that another member sent, if this node accepts it."""
         link, robots, accept = self.link, self.subscription.robots, self.link.options.accept
-        is_mine = page.origin == self.member.name  # its own page, back over another path
-        is_subscribed = not is_mine and (robots is None or member.robot in robots)
-        if is_subscribed and (accept is None or link.is_accepted(page.key, accept)):
-            page = member.with_namespace(page, self.member, self.subscription.namespaced)
-            if 0 < len(page.key) <= MAX_KEY_CHARS and (accept is not None or link.has_room_for(page.key, raw)):
-                link.accept_pages([page], by, is_chosen=True)
-                return
+        seen = member.with_namespace(page, self.member, self.subscription.namespaced)
+        is_mine = seen.origin in (self.member.name, self.member.node)  # its own page, back over another path
+        is_accepted = not is_mine and (robots is None or member.robot in robots)
+        is_accepted = is_accepted and (accept is None or link.is_accepted(page.key, accept))
+        is_accepted = is_accepted and 0 < len(seen.key) <= MAX_KEY_CHARS
+        if is_accepted and (accept is not None or link.has_room_for(seen.key, raw)):
+            link.accept_pages([seen], by, is_chosen=True)
+            return
         link.rejected += 1
 
     @property

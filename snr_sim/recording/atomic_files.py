@@ -43,6 +43,52 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
+def append_whole(path: Path, data: bytes) -> None:
+    """Append all data to a file, which is created if it does not exist, or nothing.
+
+    Raises:
+        OSError: it cannot be written; the file is as before.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | _NO_LINK | _BINARY_MODE, 0o644)
+    before_bytes = os.fstat(descriptor).st_size
+    try:
+        view = memoryview(data)
+        while view:
+            view = view[os.write(descriptor, view) :]
+    except OSError:
+        os.ftruncate(descriptor, before_bytes)
+        raise
+    finally:
+        os.close(descriptor)
+
+
+class FolderSync:
+    """Syncs the files of a folder that have been created, or have grown, since the last time."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._synced: dict[str, int] = {}  # sizes
+
+    def sync(self) -> None:
+        """Block until all that is new is on the disk; a folder that does not exist is skipped.
+
+        Raises:
+            OSError: the disk has failed.
+        """
+        with suppress(FileNotFoundError):
+            sizes = {one.path: one.stat().st_size for one in os.scandir(self._folder)}
+            for path in [path for path, size in sizes.items() if self._synced.get(path) != size]:
+                descriptor = os.open(path, os.O_RDWR | _NO_LINK)
+                try:
+                    os.fsync(descriptor)
+                finally:
+                    os.close(descriptor)
+            if self._synced != sizes:
+                self._synced = sizes
+                sync_folder(self._folder)
+                sync_folder(self._folder.parent)
+
+
 class TraceFile:
     """Append-only file, which must not exist. Every method raises an OSError if the disk is full, broken or gone."""
 

@@ -29,6 +29,7 @@ import msgspec
 from snr_sim.core.reload.sources import SUFFIXES, SourceFiles
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.user_folder import user_folder
+from snr_sim.recording.atomic_files import append_whole
 
 FOLDER = "sources"
 TABLE = "files.jsonl"
@@ -105,11 +106,11 @@ class KeepingFiles(SourceFiles):
 
     def _write(self, path: Path, sha256: str, data: bytes) -> None:
         self._folder.mkdir(exist_ok=True)
-        with suppress(FileExistsError), open(self._folder / _name_of(sha256, path), "xb") as file:
-            file.write(data)
+        copy = self._folder / _name_of(sha256, path)
+        if not copy.exists() or not copy.stat().st_size:  # empty: a full disk had no room for it
+            append_whole(copy, data)
         line = {"path": str(path), "sha256": sha256, "mark": _mark_of(sha256, self._key)}
-        with open(self._folder / TABLE, "a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
+        append_whole(self._folder / TABLE, f"{json.dumps(line)}\n".encode())
 
 
 class RecordedFiles(SourceFiles):

@@ -27,10 +27,11 @@ from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.recording.atomic_files import TraceFile
+from snr_sim.recording.atomic_files import FolderSync, TraceFile
 from snr_sim.recording.node_trace import NodeTrace
 from snr_sim.recording.records import Header, TraceInfo, TruthRecord, digest_of
 from snr_sim.recording.references import REPEAT_WITHIN
+from snr_sim.recording.sources import FOLDER as SOURCES
 from snr_sim.recording.trace_listener import ListenerThread, TraceListener
 
 if TYPE_CHECKING:
@@ -83,6 +84,7 @@ class TraceWriter:
         self._unsynced_since_s = 0.0
         self._unsynced_lines = 0
         self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
+        self._sources = FolderSync(path.parent / SOURCES)
         self._writing = threading.Lock()
         self._closing = threading.Event()
         self._failure: OSError | None = None
@@ -271,7 +273,8 @@ class TraceWriter:
                 self._unsynced_lines += whole
                 if whole < len(ready):
                     self._count_lost(ready[whole][0], len(ready) - whole)
-                self._failure = error  # last: the first report counts all that is lost so far
+                if error is not None:  # else a disk that answered too late would undo `_give_up`
+                    self._failure = error  # last: the first report counts all that is lost so far
             else:
                 self._count_lost(ready[0][0], len(ready))  # queued while the disk failed
             if self._listener is not None:
@@ -300,6 +303,8 @@ class TraceWriter:
             self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
             if not self._unsynced_lines:
                 return
+            with suppress(OSError):  # the run continues without copies
+                self._sources.sync()
             try:
                 self._file.sync()
             except OSError as error:

@@ -27,7 +27,9 @@ from starlette.responses import FileResponse, HTMLResponse, PlainTextResponse, R
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from snr_sim.links.newcomers import largest_group, source_of
 from snr_sim.web.access import Access, AccessCheck, App
 from snr_sim.web.messages import MAX_MESSAGE_BYTES, HungUpError
 from snr_sim.web.ros_session import RosbridgePage
@@ -36,6 +38,7 @@ from snr_sim.web.session import MachinePage
 TICK_PERIOD_S = 1.0 / 30.0
 
 MAX_REQUESTS = 128  # at once; beyond it, status 503
+MAX_IDLE = 64  # connections that request nothing: each takes a descriptor of the robot's process
 LAST_WORDS_S = 0.05  # for the last messages to leave
 STATIC = Path(__file__).with_name("static")
 MAX_CONNECTIONS = 32  # of all pages
@@ -167,6 +170,23 @@ class _Connection:
                     await self._websocket.close(POLICY_VIOLATION)
 
 
+class _Http(H11Protocol):
+    """A connection that is closed for a newer one while it requests nothing, if there are too many of these."""
+
+    _begun_s = 0.0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Close the oldest idle connection of the address that has most, if there are too many; begin this one."""
+        begun = sorted((one for one in self.connections if isinstance(one, _Http)), key=lambda one: one._begun_s)
+        idle = [one for one in begun if one.cycle is None or one.cycle.response_complete]
+        if len(idle) >= MAX_IDLE:
+            surplus = largest_group(idle, lambda one: source_of(one.client[0] if one.client else ""))[0]
+            self.connections.discard(surplus)
+            surplus.transport.abort()
+        self._begun_s = time.monotonic()
+        super().connection_made(transport)
+
+
 class _Server(uvicorn.Server):
     """A server that leaves signals alone: it would raise them again inside a task, and threads would never end."""
 
@@ -191,7 +211,7 @@ async def serve(
     config = uvicorn.Config(
         make_app(pages, access, static),
         loop="asyncio",
-        http="h11",
+        http=_Http,
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE_BYTES,
         ws_per_message_deflate=False,  # a short message could become a long one

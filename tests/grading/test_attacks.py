@@ -1,6 +1,7 @@
 """Attacks succeed without the wall that stops them. With it: test_class_of_sixty.py."""
 
 import csv
+import re
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.grading import test_confinement, test_fork_server, test_sandbox
+
 Handed = Callable[..., list[Path]]
+ATTACKS = {path.stem: path.read_text() for path in (Path(__file__).parent / "attacks").rglob("*.py")}
+PROBES = {"confinement": test_confinement.PROBE, "sandbox": test_sandbox.PROBE, "forks": test_fork_server.PROGRAM}
+HARM = re.compile(r"os\.kill(?!\(os\.getpid\(\))|fork|mkfifo|mkdir|write_text|write_bytes|\"[awx]b?\"|unshare|shmget")
 HARMLESS = ("looks_around", "reads_the_parent", "shouts_into_the_network", "takes_another_core")
 
 
@@ -61,3 +67,11 @@ def test_pytest_ignores_attacks_and_labs(pytestconfig: pytest.Config) -> None:
     conftest = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).parent / "conftest.py"))
     assert conftest is not None
     assert conftest.collect_ignore_glob == ["attacks/*", "labs/*"]
+
+
+@pytest.mark.parametrize("name", [*ATTACKS, *PROBES])
+def test_program_that_could_harm_this_computer_acts_only_in_isolation(name: str) -> None:
+    text = (ATTACKS | PROBES)[name]
+    guard = text.find("assert os.getuid() >= 61184")
+    harm = HARM.search(text)
+    assert harm is None or -1 < guard < harm.start()

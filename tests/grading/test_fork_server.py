@@ -14,9 +14,12 @@ from snr_sim.grading import Student
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.sandbox.sandbox import Limits, is_root
+from tests.grading.probe import GUARD
 
-PROGRAM = '''
-import os, sys
+PROGRAM = (
+    GUARD
+    + '''
+import sys
 
 kept = []
 
@@ -68,6 +71,7 @@ def end(how):
     os.kill(os.getpid(), how)
     return "alive"
 '''
+)
 
 pytestmark = pytest.mark.usefixtures("sandbox")
 

@@ -52,11 +52,13 @@ class Far:
         name: str = "far",
         secret: str = SECRET,
         reads: bool = True,
+        address: str = HERE,
     ) -> None:
         self.arena = arena
         self.name = name
         self.secret = secret
         self.reads = reads
+        self.address = address
         self.is_over = False
         self.comings = 0  # number of connections
         self._next_payloads = next_payloads
@@ -67,7 +69,7 @@ class Far:
 
     def connect(self) -> None:
         self.comings += 1
-        self.sock: SimSocket = self.arena.network.connect(HERE, self.arena.pair.port)
+        self.sock: SimSocket = self.arena.network.connect(HERE, self.arena.pair.port, self.address)
         self.session = Session(SessionConfig(self.name, is_server=False, secret=self.secret.encode()), 0.0)
 
     def move(self) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import LinkFaults, ZenohNet, tasks
+from snr_sim import LinkFaults, SocketsPair, ZenohNet, tasks
 from snr_sim.links.fleet import MAX_KEYS, MAX_MEMBERS, Member, PeerTable
 from snr_sim.prelude.task import Page
 from snr_sim.testing.function_components import FunctionLoopFactory
@@ -64,6 +64,20 @@ def test_own_page_over_another_path_keeps_the_name_of_its_member() -> None:
     assert there.origin == me.name == "rov1/auv_node"
     assert other.with_namespace(there, me, namespaced=False).origin == me.name  # the name that its Fleet knows
     assert me.with_namespace(page, Member("rov1", "camera_node"), namespaced=True) is page
+
+
+@pytest.mark.parametrize("robot", ["rov1", "rov2"])
+def test_own_page_that_another_node_forwards_is_rejected(robot: str) -> None:
+    net, pair = ZenohNet(name="fleet", listen=HERE), SocketsPair(("127.0.0.1", 0), name="t")
+    nodes = run(
+        {
+            "auv": [ticks("depth"), pair.server("depth"), net.link(robot="rov1")],
+            "camera": [pair.client(), net.link("depth", robot=robot)],
+        }
+    )
+    assert nodes["camera"].get_data("depth") >= 18
+    state = nodes["auv"].get_data("link_fleet")
+    assert (state["received"], state["rejected"] >= 10) == (0, True)
 
 
 def test_faults_of_a_net_are_the_same_in_every_run() -> None:

@@ -83,6 +83,31 @@ def test_client_of_another_address_greets_while_one_fills_all_slots(arena: Arena
 
 
 @pytest.mark.slow
+def test_address_of_an_accepted_peer_greets_without_limit(arena: Arena) -> None:
+    arena.fars.append(Far(arena, list, address=HONEST))
+    arena.run_for(0.1)
+    assert greetings(arena.link.transport._newcomers, HONEST) == 1000
+    assert greetings(arena.link.transport._newcomers, ATTACKER) < 1000
+
+
+@pytest.mark.slow
+def test_closing_connections_count_and_are_closed_before_silent_ones(arena: Arena) -> None:
+    transport = arena.link.transport
+    transport._newcomers.remember(ATTACKER)
+    sock = arena.network.connect("127.0.0.1", arena.pair.port, ATTACKER)
+    arena.run_for(0.1)
+    silent = transport.streams[-1]
+    assert not silent.is_admitted
+    storm = Attackers(arena, lambda sock: sock.send(b"GET / HTTP/1.1"), kept=1000, address=ATTACKER)
+    arena.fars.append(storm)
+    arena.run_for(0.2)
+    assert storm.count > 2 * MAX_NEWCOMERS
+    assert len(transport.streams) <= 1 + MAX_NEWCOMERS
+    assert silent in transport.streams
+    sock.close()
+
+
+@pytest.mark.slow
 def test_peers_of_one_name_in_all_slots_yield_to_another_name(arena: Arena, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tcp_server, "MAX_PEERS", 8)  # each reconnection takes simulated, and real, time
     far: list[Far] = []

@@ -282,6 +282,22 @@ def test_blocked_disk_never_blocks_robot(robots: Robots, monkeypatch: pytest.Mon
     assert read_trace(robot.writer.path).records[-1].t <= report["since_s"]
 
 
+def test_blocked_disk_that_answers_again_leaves_trace_without_gap(
+    robots: Robots, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trace_module, "MAX_UNWRITTEN_BYTES", 100_000)
+    disk = Disk()
+    robot = robots.on(disk)
+    run_until(robot, lambda: len(disk.synced) > 10_000)
+    disk.answers.clear()
+    run_until(robot, lambda: "does not answer" in robot.writer.loss)
+    disk.answers.set()
+    run_until(robot, is_reported(robot))
+    robot.run(1.0)
+    end(robot)
+    check_report(robot, "the disk is too slow, or does not answer")
+
+
 def test_run_without_loss_has_no_recording_page_and_no_message(robots: Robots) -> None:
     robot = robots.on(Disk())
     robot.run(1.0)

@@ -346,3 +346,29 @@ def test_rearm_resumes_once_and_only_within_limit() -> None:
     assert control_state_after(0.5, "active", "late") == "neutral"
     assert control_state_after(1.0, "active", "late") == "neutral"
     assert control_state_after(1.0, "active") == "neutral", "it took longer than a second"
+
+
+def test_second_loss_of_outputs_waits_for_a_person_from_its_own_start() -> None:
+    from snr_sim_robot_urov.controls import Controls
+    from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits, FailsafeMonitor
+    from snr_sim_robot_urov.failsafes import Failsafes
+
+    failsafe = FailsafeMonitor(FailsafeLimits(hold_s=60.0), Failsafes(line_lost="hold", no_rearm_s=10.0))
+    states = []
+    for lost_s in (1.0, 31.0):
+        failsafe.mark_outputs_lost(False, "nothing answers", False, lost_s)
+        for now_s, state in ((lost_s + 0.5, "error"), (lost_s + 1.0, "inactive"), (lost_s + 2.0, "active")):
+            failsafe.on_controls(Controls(round(10 * now_s), is_armed=True), now_s)
+            failsafe.update_outputs(state, now_s)
+            states.append(failsafe.control_state(now_s))
+    assert states == ["idle", "neutral", "hold"] * 2
+
+
+def test_repeated_number_of_controls_does_not_count_as_newer() -> None:
+    from snr_sim_robot_urov.controls import Controls
+    from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits, FailsafeMonitor
+
+    failsafe = FailsafeMonitor(FailsafeLimits())
+    failsafe.on_controls(Controls(5, is_armed=True), 1.0)
+    failsafe.on_controls(Controls(5, is_armed=True, surge=1.0), 1.2)
+    assert (failsafe.controls.surge, failsafe.controls_s) == (0.0, 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import socket
 import time
 from collections.abc import Iterator
@@ -320,6 +321,21 @@ def test_half_a_request_holds_up_nothing(server: Served) -> None:
             raw.sendall(b"GET / HTTP/1.1\r\nHost: ")
         with browser(live.access) as page:
             page.wait("state")
+    goes_on(node)
+
+
+@pytest.mark.parametrize("request_text", [b"", b"GET / HTTP/1.1\r\nHost: "])
+def test_connections_without_token_keep_no_browser_out(server: Served, request_text: bytes) -> None:
+    node, live = server
+    before = len(os.listdir("/proc/self/fd"))
+    with contextlib.ExitStack() as stack:
+        for _ in range(300):
+            raw = stack.enter_context(contextlib.closing(socket.create_connection((live.host, live.port))))
+            raw.sendall(request_text)
+        with browser(live.access) as page:
+            page.wait("state")
+            assert len(os.listdir("/proc/self/fd")) < before + 300 + 100  # 300 are the ends of this test
+        assert get(live.access, f"/?token={live.access.token}")[0] == 303
     goes_on(node)
 
 

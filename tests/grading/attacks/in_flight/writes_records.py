@@ -7,6 +7,9 @@ from pathlib import Path
 
 from falling import falling
 
+# Outside a sandbox this would harm the machine: it acts only as a user who owns nothing.
+assert os.getuid() >= 61184
+
 
 def act(pilot):
     if pilot.times > 1:
