@@ -57,7 +57,7 @@ class Walk:
     def __init__(self, starts: Starts | None = None) -> None:
         self.is_on: Callable[[], bool] = lambda: False
         self.steps: dict[Any, tuple[str, str, str]] = {}
-        self._starts = starts or {}
+        self._starts = {id(code): start for code, start in (starts or {}).items()}
         self._is_inside = [starts is None]  # for each of these functions that has not returned
 
     def follow(self, run: Callable[[], object]) -> None:
@@ -69,16 +69,18 @@ class Walk:
             sys.setprofile(None)
 
     def _on_call(self, frame: FrameType, event: str, value: Any) -> None:
-        code = frame.f_code
-        if code in self._starts and event == "call":
-            answer = self._starts[code](frame.f_locals)
-            self._is_inside.append(self._is_inside[-1] if answer is None else answer)
-        is_inside = self._is_inside[-1]
-        if code in self._starts and event == "return":
-            self._is_inside.pop()
-        if event != "call" or not is_inside or code in self.steps or not code.co_filename.startswith(ROOMS):
+        if event not in ("call", "return"):
             return
-        if not self.is_on():
+        code = frame.f_code
+        start = self._starts.get(id(code))  # by identity: most calls are outside, and to hash their code takes long
+        if event == "return":
+            if start is not None:
+                self._is_inside.pop()
+            return
+        if start is not None:
+            answer = start(frame.f_locals)
+            self._is_inside.append(self._is_inside[-1] if answer is None else answer)
+        if not self._is_inside[-1] or not code.co_filename.startswith(ROOMS) or not self.is_on() or code in self.steps:
             return
         if code.co_name[0] == "<" or not code.co_flags & inspect.CO_NEWLOCALS:
             return  # comprehensions and lambdas are read with what they are in, and so are classes

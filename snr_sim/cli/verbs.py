@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import typer
@@ -86,6 +87,7 @@ class VerbGroup(TyperGroup):
             formatter.write_dl([(name, verb.about) for name, verb in VERBS.items()])
 
 
+@cache  # to read a signature takes 3 ms
 def command_of(name: str, verb: Verb) -> Any:
     """Import the module of the verb `name` and return its command."""
     word = verb.module or name

@@ -18,9 +18,10 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence, Set
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from snr_sim.core.reload.sources import reading_from, source_files
@@ -243,22 +244,15 @@ def robot_of_scenario(found: FoundItem) -> str:
     Raises:
         ConfigError: the file has no such line.
     """
-    import ast
-
     try:
         source = source_files().read(found.path)
         source_files().check(found.path, source)
-        tree = ast.parse(source, str(found.path))
+        robot, is_controller = _robot_in(source, str(found.path))
     except (SyntaxError, ValueError) as error:
         raise _load_failure(error, found.path, f"the scenario '{found.name}' was read") from error
-    for node in tree.body:
-        match node:
-            case (
-                ast.Assign(targets=[ast.Name(id="ROBOT")], value=ast.Constant(value=str(robot)))
-                | ast.AnnAssign(target=ast.Name(id="ROBOT"), value=ast.Constant(value=str(robot)))
-            ):
-                return robot
-    if any(isinstance(node, ast.FunctionDef) and node.name == "factories" for node in tree.body):
+    if robot is not None:
+        return robot
+    if is_controller:
         place = short_path(str(found.path))
         raise ConfigError(
             f"{place} is a controller, as it has factories(robot); a scenario's file says which robot it is for.",
@@ -267,6 +261,22 @@ def robot_of_scenario(found: FoundItem) -> str:
     raise ConfigError(
         f"{short_path(str(found.path))} does not say which robot it is for.", fix="add: ROBOT = 'lander'."
     )
+
+
+@lru_cache(maxsize=128)
+def _robot_in(source: bytes, path: str) -> tuple[str | None, bool]:
+    """Return the robot that a source names, if any, and whether it has a controller's `factories`."""
+    import ast
+
+    body = ast.parse(source, path).body
+    for node in body:
+        match node:
+            case (
+                ast.Assign(targets=[ast.Name(id="ROBOT")], value=ast.Constant(value=str(robot)))
+                | ast.AnnAssign(target=ast.Name(id="ROBOT"), value=ast.Constant(value=str(robot)))
+            ):
+                return robot, False
+    return None, any(isinstance(node, ast.FunctionDef) and node.name == "factories" for node in body)
 
 
 def controllers(robot: FoundItem) -> list[str]:
@@ -496,6 +506,12 @@ def _not_text(path: Path) -> str:
     return f"{short_path(str(path))}, line {line}: this is not Python source: byte 0x{raw[place]:02x} is not text."
 
 
+@lru_cache(maxsize=128)
+def _compiled(source: bytes, path: str) -> CodeType:
+    """Return the code of a source, compiled once: an environment or a dive in the same process loads it again."""
+    return compile(source, path, "exec", dont_inherit=True)
+
+
 class _FreshLoader(SourceFileLoader):
     """Loader that reads the source every time: cached bytecode may be older than an edit within the same second."""
 
@@ -507,7 +523,7 @@ class _FreshLoader(SourceFileLoader):
         """Return the code of a source."""
         source_files().check(Path(path), data)
         importlib.util.decode_source(data)  # as Python itself requires; to compile bytes does not look at comments
-        return super().source_to_code(data, path, **options)
+        return _compiled(bytes(data), str(path))
 
     def path_stats(self, path: Any) -> Any:
         """Raise, so that no bytecode is used."""

@@ -90,8 +90,8 @@ def with_tracker(changes: dict[str, Change]) -> dict[str, Change]:
 
 def in_flight(old: str, new: str) -> dict[str, Change]:
     """Return changes by which the controller saves another version of itself 20 s into the run."""
-    edit = f"""        path = __import__("pathlib").Path(__file__)
-        if self.get_time_s() > 20.0 and "saved" not in vars(self.factory):
+    edit = f"""        if self.get_time_s() > 20.0 and "saved" not in vars(self.factory):
+            path = __import__("pathlib").Path(__file__)
             self.factory.saved = True
             path.write_text({new!r}.join(path.read_text().rsplit({old!r}, 1)))
 """

@@ -126,6 +126,15 @@ def test_an_edit_within_the_same_second_is_seen_in_every_file(here: Path) -> Non
     assert not list(here.rglob("__pycache__"))
 
 
+def test_a_robot_that_is_loaded_again_is_not_compiled_again(here: Path) -> None:
+    put_moth(here)
+    found = library.find("robots", "moth")
+    first, again = (library.load_robot(found) for _ in range(2))
+    assert first is not again
+    assert first.roles is not again.roles
+    assert first.roles.__code__ is again.roles.__code__
+
+
 def test_controller_imports_siblings_but_not_over_standard_library(here: Path) -> None:
     put_moth(here)
     (here / "gains.py").write_text("KP = 2.0\n")
