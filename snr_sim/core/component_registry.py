@@ -54,14 +54,14 @@ class ComponentRegistry:
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
             what, fix = _describe_non_factory(factory)
             raise ConfigError(f"Role '{node.role}' lists {what} where a factory belongs.", fix=fix)
+        made = getattr(factory._short_form, "component_class", None)
         try:
             component = factory.get(node)
         except SnrError as error:
-            prepend_location(error)
+            prepend_location(error, made)
             raise
         except (Exception, SystemExit) as error:
             what = f"while {name}.get() made a component of role '{node.role}'"
-            made = getattr(factory._short_form, "component_class", None)
             begins = (made and location_of(made.__init__)) or class_location(made or type(factory))
             raise ConfigError(describe_error(error, what, begins)) from error
         expected: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
@@ -74,10 +74,9 @@ class ComponentRegistry:
                 fix=f"end get(self, parent) with: return My{expected.__name__}(self, parent, 'its_name').",
             )
         if not hasattr(component, "name"):
-            raise ConfigError(
-                f"{type(component).__name__} of role '{node.role}' has not called its parent's __init__.",
-                fix="begin its __init__ with: super().__init__(factory, parent, name).",
-            )
+            what = f"{type(component).__name__} of role '{node.role}' has not called its parent's __init__."
+            message = after_line(location_of(type(component).__init__), what)
+            raise ConfigError(message, fix="begin its __init__ with: super().__init__(factory, parent, name).")
         for step in _STEPS:
             _check_step(component, step)
         if isinstance(component, Endpoint) and hasattr(component, "task_source"):

@@ -40,6 +40,7 @@ class Source:
     waits: list[SourceLiteral] = field(default_factory=list)
     gets: list[SourceLiteral] = field(default_factory=list)
     stores: list[SourceLiteral] = field(default_factory=list)
+    sent: list[SourceLiteral] = field(default_factory=list)  # events
     fields: list[tuple[SourceLiteral, str]] = field(default_factory=list)  # fields of pages that are read
     plain: list[str] = field(default_factory=list)  # mistakes that need no robot
     own: dict[str, list[SourceLiteral]] = field(default_factory=dict)  # by class: attributes of self that are read
@@ -200,6 +201,8 @@ class _Reader(ast.NodeVisitor):
             self._source.gets.append(SourceLiteral(self._declared[declared], self._place(node)))
         elif (page := self._page_of_get(node)) and isinstance(key, str):
             self._source.fields.append((SourceLiteral(page, self._place(node)), key))
+        elif ast.unparse(node.func) == "tasks.event" and isinstance(key, str):
+            self._source.sent.append(SourceLiteral(key, self._place(node)))
         elif name == "setattr":
             self._source.set_names.add(str(getattr(node.args[1], "value", "")) if len(node.args) > 1 else "")
         elif self._class and ast.unparse(node.func) in ("sys.exit", "exit", "quit"):

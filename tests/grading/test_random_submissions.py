@@ -220,7 +220,7 @@ def keep_changing(folder: Path, outside: Path, is_over: threading.Event) -> None
 
 def times_of_changes() -> list[int]:
     """Return when the files of this computer to which links lead were last changed."""
-    return [os.stat(path).st_ctime_ns for path in OF_THIS_COMPUTER]
+    return [Path(path).stat().st_ctime_ns for path in OF_THIS_COMPUTER]
 
 
 def files_in(folder: Path) -> dict[str, tuple[int, int, bytes]]:
