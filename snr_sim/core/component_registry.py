@@ -5,7 +5,9 @@ from __future__ import annotations
 import difflib
 import inspect
 from collections.abc import Iterable
+from types import FunctionType
 from typing import Any
+from weakref import WeakSet
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory, is_decorated
 from snr_sim.core.handlers import check_returns
@@ -23,6 +25,7 @@ from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, SnrError
 
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # methods that an author may write, besides handlers
+_checked_steps: WeakSet[FunctionType] = WeakSet()  # once a function, not once a component: 40 us each
 
 
 class ComponentRegistry:
@@ -147,16 +150,21 @@ def _check_step(component: Endpoint | Loop, step: str) -> None:
         ConfigError: calling it would not run it, or it cannot be called without arguments, or it is missing.
     """
     method = getattr(component, step, None)
-    check_returns(f"{step}() of component '{component.name}'", method)
     if method is None:
         return
+    check_returns(f"{step}() of component '{component.name}'", method)
     kind = type(component)
     if isinstance(component, Loop) and getattr(kind, step) is Loop.loop:
         close = difflib.get_close_matches("loop", [name for name, one in vars(kind).items() if callable(one)], n=1)
         message = after_line(class_location(kind), f"{kind.__name__} is a Loop and has no method loop(self).")
         raise ConfigError(message, fix=f"def loop(self){f', not {close[0]}' if close else ', called at each tick'}.")
+    function = getattr(method, "__func__", None)
+    if function in _checked_steps:
+        return
     try:
         inspect.signature(method).bind()
+        if isinstance(function, FunctionType):
+            _checked_steps.add(function)
     except TypeError:
         what = f"{step}() of {kind.__name__} takes {inspect.signature(method)}, but is called without arguments."
         raise ConfigError(after_line(location_of(method), what), fix=f"def {step}(self):") from None

@@ -65,7 +65,7 @@ class Endpoint(NodeComponent):
             cls._of_class = table
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
         elif "task_handlers" in cls.__dict__ and not isinstance(table, property):
-            check_handlers(cls.__name__, table)  # raises: it is no table
+            check_handlers(cls.__name__, table)  # raises, as it cannot be a table
 
     factory: FactoryOfClass = FactoryOfClass(EndpointFactory)
 

@@ -237,7 +237,7 @@ _WORDS: dict[type[BaseException], str | Callable[[Any, TracebackType | None], st
     ZeroDivisionError: "a divisor other than 0: test it before you divide, and decide what holds then.",
     FileNotFoundError: "look at its path: it counts from the folder in which you started the program.",
     AssertionError: "print the values in this line before it: what it asserts is false.",
-    EOFError: "leave input() out: a run asks nobody; what comes from outside is a page or an event.",
+    EOFError: "leave input() out: a run reads no keyboard; what comes from outside is a page or an event.",
     RecursionError: "a function calls itself without an end: return before that in some case.",
     NotImplementedError: "write that method in the class; its name has to be spelt like this.",
     ValueError: lambda error, trace: (
