@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from types import FunctionType
 from typing import Any
 from weakref import WeakSet
@@ -82,6 +82,7 @@ class ComponentRegistry:
             raise ConfigError(message, fix="begin its __init__ with: super().__init__(factory, parent, name).")
         for step in _STEPS:
             _check_step(component, step)
+        _check_names(component, "optional_events" if isinstance(component, Endpoint) else "wakes_on")
         if isinstance(component, Endpoint) and hasattr(component, "task_source"):
             node.add_note(
                 f"'{component.name}' has a task_source(), which nothing calls: a Loop brings in what is outside."
@@ -101,7 +102,7 @@ class ComponentRegistry:
                 f"Role '{self._node.role}' has two components named '{component.name}': "
                 f"a {type(other).__name__} and a {type(component).__name__}."
             )
-            message = after_line(class_location(type(component)), what)
+            message = after_line(class_location(type(component)) or class_location(type(other)), what)
             raise ConfigError(message, fix="give each component a name of its own in its factory.")
         self.components[component.name] = component
         self._indices[component.name] = index
@@ -141,6 +142,16 @@ def _describe_non_factory(factory: Any) -> tuple[str, str]:
         instead = "SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair."
         return f"a {type(factory).__name__}, which links roles of one simulation,", instead
     return repr(factory), "list instances: [MyFactory()], not the class and not the endpoint itself."
+
+
+def _check_names(component: Endpoint | Loop, attribute: str) -> None:
+    """Raise a ConfigError if an attribute is not a collection of names: a text would be one of its letters."""
+    names = getattr(component, attribute)
+    if isinstance(names, Collection) and not isinstance(names, str) and all(isinstance(one, str) for one in names):
+        return
+    what = f"{type(component).__name__} has {attribute} = {names!r}, which is not a tuple of names."
+    fix = f"{attribute} = ({names!r},)." if isinstance(names, str) else f'{attribute} = ("name",).'
+    raise ConfigError(after_line(class_location(type(component)), what), fix=fix)
 
 
 def _check_step(component: Endpoint | Loop, step: str) -> None:

@@ -157,6 +157,8 @@ def _of_type(error: Any, trace: TracebackType | None) -> str:
     is_made = isinstance(node, ast.Call) and callable(getattr(_value(node.func, trace), "factory", None))
     if isinstance(node, ast.Call) and is_made and trace is not None and trace.tb_frame.f_code.co_name != "get":
         return f"{ast.unparse(node.func)}.factory(): the node makes the component."
+    if message.startswith("FactoryOfClass.__call__() takes") and isinstance(node, ast.Call):
+        return f"{ast.unparse(node.func)}(name, ...): settings have names, as hover=0.3."
     if node is None and "__init__() takes" in message:  # the library has made a component
         return "def __init__(self, factory, parent, name):, and in it: super().__init__(factory, parent, name)."
     if "missing" in message and "required positional argument" in message and isinstance(node, ast.Call):

@@ -92,6 +92,7 @@ class _Robot:
             yield from map(self._unstored_page, unknown)
         yield from self._unhandled_pages()
         yield from self._unhandled_events()
+        yield from self._unknown_wakes()
         yield from self._commands_of_several()
         if simulation.request.io == "sim" and not is_running:  # only the run opens real devices
             yield from self._commands()
@@ -122,6 +123,16 @@ class _Robot:
             if one.name not in handled.union(self._others, *(endpoint.optional_events for endpoint in endpoints)):
                 fix = near(one.name, handled) or f"@handles(event={one.name!r}) above the method that is to handle it."
                 yield finding(one.place, f"Nothing in this robot handles the event '{one.name}'.", fix)
+
+    def _unknown_wakes(self) -> Iterator[str]:
+        for loop in (one for one in self._components if type(one).__name__ in self._source.own):
+            for key in loop.wakes_on if isinstance(loop, Loop) and not self._source.is_open else ():
+                if not self._has(key):
+                    what = (
+                        f"The loop '{loop.name}' waits for page '{key}' (wakes_on), which nothing in this robot stores."
+                    )
+                    fix = suggest(key, {*self._sensors, *self._stored}, "stored are")
+                    yield finding(class_location(type(loop)), what, fix)
 
     def _commands_of_several(self) -> Iterator[str]:
         for key in sorted(self._stored & self._actuators.keys()):
