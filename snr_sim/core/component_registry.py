@@ -146,12 +146,11 @@ def _describe_non_factory(factory: Any) -> tuple[str, str]:
 
 def _check_names(component: Endpoint | Loop, attribute: str) -> None:
     """Raise a ConfigError if an attribute is not a collection of names: a text would be one of its letters."""
-    names = getattr(component, attribute)
-    if isinstance(names, Collection) and not isinstance(names, str) and all(isinstance(one, str) for one in names):
-        return
-    what = f"{type(component).__name__} has {attribute} = {names!r}, which is not a tuple of names."
-    fix = f"{attribute} = ({names!r},)." if isinstance(names, str) else f'{attribute} = ("name",).'
-    raise ConfigError(after_line(class_location(type(component)), what), fix=fix)
+    names, kind = getattr(component, attribute), type(component)
+    if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(one, str) for one in names)):
+        what = f"{kind.__name__} has {attribute} = {names!r}, which is not a tuple of names."
+        fix = f"{attribute} = ({names if isinstance(names, str) else 'name'!r},)."
+        raise ConfigError(after_line(class_location(kind), what), fix=fix)
 
 
 def _check_step(component: Endpoint | Loop, step: str) -> None:
@@ -161,7 +160,8 @@ def _check_step(component: Endpoint | Loop, step: str) -> None:
         ConfigError: calling it would not run it, or it cannot be called without arguments, or it is missing.
     """
     method = getattr(component, step, None)
-    if method is None:
+    function = getattr(method, "__func__", None)
+    if method is None or function in _checked_steps:
         return
     check_returns(f"{step}() of component '{component.name}'", method)
     kind = type(component)
@@ -169,9 +169,6 @@ def _check_step(component: Endpoint | Loop, step: str) -> None:
         close = difflib.get_close_matches("loop", [name for name, one in vars(kind).items() if callable(one)], n=1)
         message = after_line(class_location(kind), f"{kind.__name__} is a Loop and has no method loop(self).")
         raise ConfigError(message, fix=f"def loop(self){f', not {close[0]}' if close else ', called at each tick'}.")
-    function = getattr(method, "__func__", None)
-    if function in _checked_steps:
-        return
     try:
         inspect.signature(method).bind()
         if isinstance(function, FunctionType):

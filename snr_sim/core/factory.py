@@ -153,8 +153,8 @@ def _attributes(kind: type[Any]) -> Iterator[str]:
         of_class = {name for name, what in declared.items() if "ClassVar" in str(what)}
         for name, value in {**dict.fromkeys(declared), **vars(base)}.items():
             is_method = callable(value) or hasattr(value, "__get__")
-            is_ours = name in of_class or isinstance(value, (FactoryOfClass, Retired))
-            if not (name.startswith("_") or is_ours or (is_method and name not in declared)):
+            is_of_class = name in of_class or isinstance(value, (FactoryOfClass, Retired))
+            if not (name.startswith("_") or is_of_class or (is_method and name not in declared)):
                 yield name
 
 

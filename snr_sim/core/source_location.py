@@ -114,10 +114,7 @@ def short_path(filename: str) -> str:
 
 
 def prepend_location(error: SnrError, about: type[object] | None = None) -> None:
-    """Prefix an snr_sim error with the line of student code that caused it; lines of shipped robots do not count.
-
-    If no such line was executed, it is that of the class that the error is about.
-    """
+    """Prefix an snr_sim error with the student's line that caused it, else of its class; not of a shipped robot."""
     location = find_student_location(error.__traceback__, is_content_skipped=True)
     if location is None and about is not None:
         location = class_location(about)

@@ -86,13 +86,14 @@ class _Robot:
         self._known = self._others | self._stored
 
     def notes(self, simulation: Simulation, is_running: bool) -> Iterator[str]:
-        unknown = [one for one in (*self._source.waits, *self._source.gets) if not self._has(one.name)]
+        loops = [one for one in self._components if isinstance(one, Loop) and type(one).__name__ in self._source.own]
+        woken = [SourceLiteral(key, at) for one in loops if (at := class_location(type(one))) for key in one.wakes_on]
+        unknown = [one for one in (*self._source.waits, *self._source.gets, *woken) if not self._has(one.name)]
         if unknown and not self._source.is_open:
             _check_robot(simulation, self._source, {one.name for one in unknown})
             yield from map(self._unstored_page, unknown)
         yield from self._unhandled_pages()
         yield from self._unhandled_events()
-        yield from self._unknown_wakes()
         yield from self._commands_of_several()
         if simulation.request.io == "sim" and not is_running:  # only the run opens real devices
             yield from self._commands()
@@ -114,25 +115,13 @@ class _Robot:
                 yield finding(one.place, f"{what}{', '.join(self._actuators)}.", f"did you mean '{close[0]}'?")
 
     def _unhandled_events(self) -> Iterator[str]:
-        endpoints = [one for one in self._components if isinstance(one, Endpoint)]
-        ids = [task_id for one in endpoints for task_id in one.task_handlers]
-        handled = {one[1] for one in ids if isinstance(one, tuple) and one[0] is TaskType.event}
-        if TaskType.event in ids:
-            return
-        for one in self._source.sent:
-            if one.name not in handled.union(self._others, *(endpoint.optional_events for endpoint in endpoints)):
+        ids = [task_id for one in self._components for task_id in one.task_handlers]
+        handled = {one[1] for one in ids if isinstance(one, tuple) and one[0] is TaskType.event} | self._source.handled
+        known = handled.union(self._others, *(getattr(one, "optional_events", ()) for one in self._components))
+        for one in self._source.sent if TaskType.event not in ids else ():
+            if one.name not in known:
                 fix = near(one.name, handled) or f"@handles(event={one.name!r}) above the method that is to handle it."
                 yield finding(one.place, f"Nothing in this robot handles the event '{one.name}'.", fix)
-
-    def _unknown_wakes(self) -> Iterator[str]:
-        for loop in (one for one in self._components if type(one).__name__ in self._source.own):
-            for key in loop.wakes_on if isinstance(loop, Loop) and not self._source.is_open else ():
-                if not self._has(key):
-                    what = (
-                        f"The loop '{loop.name}' waits for page '{key}' (wakes_on), which nothing in this robot stores."
-                    )
-                    fix = suggest(key, {*self._sensors, *self._stored}, "stored are")
-                    yield finding(class_location(type(loop)), what, fix)
 
     def _commands_of_several(self) -> Iterator[str]:
         for key in sorted(self._stored & self._actuators.keys()):

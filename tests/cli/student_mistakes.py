@@ -461,7 +461,7 @@ MISTAKES = [
             short("    hover = 0.28\n", "    hover = 0.28\n    optional_events = 'go'\n")),
     Mistake(448, "wakes_on is a text", ("line 21: ", "Beat", "not a tuple of names", "wakes_on = 'radar'", r"wakes_on = \('radar',\)"),
             beat("    wakes_on = 'radar'\n\n    def loop(self):\n        pass\n")),
-    Mistake(449, "wakes_on a page that is not there", ("line 21: ", "'beat'", "nothing in this robot stores", "page 'rader'", "did you mean 'radar'"),
+    Mistake(449, "wakes_on a page that is not there", ("line 21: ", "page 'rader'", "Stored are: .*radar", "Nothing in this robot stores", "did you mean 'radar'"),
             beat("    wakes_on = ('rader',)\n    max_tick_rate_hz = 1\n\n    def loop(self):\n        pass\n")),
     Mistake(450, "a setting without its name", ("line 22: ", r"factory", "settings have names", "but 3 were given", "as hover=0.3"),
             short("factory(hover=0.28)", "factory('gentle', 0.28)")),
