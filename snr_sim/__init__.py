@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from snr_sim.prelude.device import Stale as Stale
     from snr_sim.prelude.errors import SnrError as SnrError
     from snr_sim.prelude.life_cycle import LifeCycle as LifeCycle
+    from snr_sim.prelude.node_api import NodeApi as NodeApi
     from snr_sim.prelude.scenario import RobotInfo as RobotInfo
     from snr_sim.prelude.scenario import Verdict as Verdict
     from snr_sim.prelude.task import DataKey as DataKey

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from types import FunctionType
 from typing import Any
+from weakref import WeakSet
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory, is_decorated
 from snr_sim.core.handlers import check_returns
@@ -23,6 +25,7 @@ from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, SnrError
 
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # methods that an author may write, besides handlers
+_checked_steps: WeakSet[FunctionType] = WeakSet()  # once a function, not once a component: 40 us each
 
 
 class ComponentRegistry:
@@ -54,14 +57,14 @@ class ComponentRegistry:
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
             what, fix = _describe_non_factory(factory)
             raise ConfigError(f"Role '{node.role}' lists {what} where a factory belongs.", fix=fix)
+        made = getattr(factory._short_form, "component_class", None)
         try:
             component = factory.get(node)
         except SnrError as error:
-            prepend_location(error)
+            prepend_location(error, made)
             raise
         except (Exception, SystemExit) as error:
             what = f"while {name}.get() made a component of role '{node.role}'"
-            made = getattr(factory._short_form, "component_class", None)
             begins = (made and location_of(made.__init__)) or class_location(made or type(factory))
             raise ConfigError(describe_error(error, what, begins)) from error
         expected: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
@@ -74,12 +77,12 @@ class ComponentRegistry:
                 fix=f"end get(self, parent) with: return My{expected.__name__}(self, parent, 'its_name').",
             )
         if not hasattr(component, "name"):
-            raise ConfigError(
-                f"{type(component).__name__} of role '{node.role}' has not called its parent's __init__.",
-                fix="begin its __init__ with: super().__init__(factory, parent, name).",
-            )
+            what = f"{type(component).__name__} of role '{node.role}' has not called its parent's __init__."
+            message = after_line(location_of(type(component).__init__), what)
+            raise ConfigError(message, fix="begin its __init__ with: super().__init__(factory, parent, name).")
         for step in _STEPS:
             _check_step(component, step)
+        _check_names(component, "optional_events" if isinstance(component, Endpoint) else "wakes_on")
         if isinstance(component, Endpoint) and hasattr(component, "task_source"):
             node.add_note(
                 f"'{component.name}' has a task_source(), which nothing calls: a Loop brings in what is outside."
@@ -99,7 +102,7 @@ class ComponentRegistry:
                 f"Role '{self._node.role}' has two components named '{component.name}': "
                 f"a {type(other).__name__} and a {type(component).__name__}."
             )
-            message = after_line(class_location(type(component)), what)
+            message = after_line(class_location(type(component)) or class_location(type(other)), what)
             raise ConfigError(message, fix="give each component a name of its own in its factory.")
         self.components[component.name] = component
         self._indices[component.name] = index
@@ -141,6 +144,15 @@ def _describe_non_factory(factory: Any) -> tuple[str, str]:
     return repr(factory), "list instances: [MyFactory()], not the class and not the endpoint itself."
 
 
+def _check_names(component: Endpoint | Loop, attribute: str) -> None:
+    """Raise a ConfigError if an attribute is not a collection of names: a text would be one of its letters."""
+    names, kind = getattr(component, attribute), type(component)
+    if isinstance(names, str) or not (isinstance(names, Collection) and all(isinstance(one, str) for one in names)):
+        what = f"{kind.__name__} has {attribute} = {names!r}, which is not a tuple of names."
+        fix = f"{attribute} = ({names if isinstance(names, str) else 'name'!r},)."
+        raise ConfigError(after_line(class_location(kind), what), fix=fix)
+
+
 def _check_step(component: Endpoint | Loop, step: str) -> None:
     """Check a method of a component's life where it is made; a Loop has a `loop` of its own.
 
@@ -148,9 +160,10 @@ def _check_step(component: Endpoint | Loop, step: str) -> None:
         ConfigError: calling it would not run it, or it cannot be called without arguments, or it is missing.
     """
     method = getattr(component, step, None)
-    check_returns(f"{step}() of component '{component.name}'", method)
-    if method is None:
+    function = getattr(method, "__func__", None)
+    if method is None or function in _checked_steps:
         return
+    check_returns(f"{step}() of component '{component.name}'", method)
     kind = type(component)
     if isinstance(component, Loop) and getattr(kind, step) is Loop.loop:
         close = difflib.get_close_matches("loop", [name for name, one in vars(kind).items() if callable(one)], n=1)
@@ -158,6 +171,8 @@ def _check_step(component: Endpoint | Loop, step: str) -> None:
         raise ConfigError(message, fix=f"def loop(self){f', not {close[0]}' if close else ', called at each tick'}.")
     try:
         inspect.signature(method).bind()
+        if isinstance(function, FunctionType):
+            _checked_steps.add(function)
     except TypeError:
         what = f"{step}() of {kind.__name__} takes {inspect.signature(method)}, but is called without arguments."
         raise ConfigError(after_line(location_of(method), what), fix=f"def {step}(self):") from None

@@ -64,6 +64,8 @@ class Endpoint(NodeComponent):
         if isinstance(table, Mapping):
             cls._of_class = table
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
+        elif "task_handlers" in cls.__dict__ and not isinstance(table, property):
+            check_handlers(cls.__name__, table)  # raises, as it cannot be a table
 
     factory: FactoryOfClass = FactoryOfClass(EndpointFactory)
 
@@ -157,6 +159,9 @@ def handles(
     """
     if isinstance(page, FunctionType):
         raise ConfigError(f"@handles above {page.__name__} does not name a page or an event.", fix=_USAGE)
+    for given in (page, event):
+        if isinstance(given, TaskType):
+            raise ConfigError(f"@handles({given}) names a kind of tasks, but no page and no event.", fix=_USAGE)
     if (page is None) == (event is None):
         raise ConfigError(
             f"@handles names {'neither a page nor' if page is None else 'a page and'} an event.", fix=_USAGE

@@ -147,12 +147,15 @@ def _split_settings(kind: type[Any], settings: Mapping[str, Any]) -> tuple[dict[
 
 
 def _attributes(kind: type[Any]) -> Iterator[str]:
-    """Yield the public attributes that a class and its bases declare; methods and properties are not settings."""
+    """Yield the public attributes that a class and its bases declare for its objects; methods are not settings."""
     for base in kind.__mro__:
-        for name, value in vars(base).items():
-            if not (name.startswith("_") or callable(value) or hasattr(value, "__get__")):
+        declared = vars(base).get("__annotations__", {})
+        of_class = {name for name, what in declared.items() if "ClassVar" in str(what)}
+        for name, value in {**dict.fromkeys(declared), **vars(base)}.items():
+            is_method = callable(value) or hasattr(value, "__get__")
+            is_of_class = name in of_class or isinstance(value, (FactoryOfClass, Retired))
+            if not (name.startswith("_") or is_of_class or (is_method and name not in declared)):
                 yield name
-        yield from (name for name in vars(base).get("__annotations__", ()) if not name.startswith("_"))
 
 
 def _default_name(kind: type[Any]) -> str:

@@ -154,12 +154,19 @@ def _of_type(error: Any, trace: TracebackType | None) -> str:
     message, node = str(error), _node(trace)
     if "NoneType" in message:
         return _about_none(node)
+    is_made = isinstance(node, ast.Call) and callable(getattr(_value(node.func, trace), "factory", None))
+    if isinstance(node, ast.Call) and is_made and trace is not None and trace.tb_frame.f_code.co_name != "get":
+        return f"{ast.unparse(node.func)}.factory(): the node makes the component."
+    if message.startswith("FactoryOfClass.__call__() takes") and isinstance(node, ast.Call):
+        return f"{ast.unparse(node.func)}(name, ...): settings have names, as hover=0.3."
+    if node is None and "__init__() takes" in message:  # the library has made a component
+        return "def __init__(self, factory, parent, name):, and in it: super().__init__(factory, parent, name)."
     if "missing" in message and "required positional argument" in message and isinstance(node, ast.Call):
         line = _source(trace)
         if "task_handlers" in line or "TaskType." in line:
             name = ast.unparse(node.func)
             return f"leave out the brackets: {name}, not {ast.unparse(node)}; the node calls the handler itself."
-        if message.startswith(("Endpoint.__init__", "Loop.__init__")):  # and not of a class of the student's
+        if message.startswith(("Endpoint.__init__", "Loop.__init__")) and not is_made:
             return "super().__init__(factory, parent, name)."
         return f"give them: {ast.unparse(node.func)}{_signature(_value(node.func, trace))}."
     if "object.__init__() takes" in message:
@@ -231,6 +238,8 @@ _WORDS: dict[type[BaseException], str | Callable[[Any, TracebackType | None], st
     TypeError: _of_type,
     ZeroDivisionError: "a divisor other than 0: test it before you divide, and decide what holds then.",
     FileNotFoundError: "look at its path: it counts from the folder in which you started the program.",
+    AssertionError: "print the values in this line before it: what it asserts is false.",
+    EOFError: "leave input() out: a run reads no keyboard; what comes from outside is a page or an event.",
     RecursionError: "a function calls itself without an end: return before that in some case.",
     NotImplementedError: "write that method in the class; its name has to be spelt like this.",
     ValueError: lambda error, trace: (

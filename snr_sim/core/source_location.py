@@ -113,9 +113,12 @@ def short_path(filename: str) -> str:
     return relative
 
 
-def prepend_location(error: SnrError) -> None:
-    """Prefix an snr_sim error with the line of student code that caused it; lines of shipped robots do not count."""
+def prepend_location(error: SnrError, about: type[object] | None = None) -> None:
+    """Prefix an snr_sim error with the student's line that caused it, else of its class; not of a shipped robot."""
     location = find_student_location(error.__traceback__, is_content_skipped=True)
+    if location is None and about is not None:
+        location = class_location(about)
+        location = None if location is None or is_content(location.file) else location
     if location is not None and not error.message.startswith(str(location)):
         error.message = after_line(location, error.message)
 

@@ -40,6 +40,8 @@ class Source:
     waits: list[SourceLiteral] = field(default_factory=list)
     gets: list[SourceLiteral] = field(default_factory=list)
     stores: list[SourceLiteral] = field(default_factory=list)
+    sent: list[SourceLiteral] = field(default_factory=list)  # events
+    handled: set[str] = field(default_factory=set)  # events, also by components that are added later
     fields: list[tuple[SourceLiteral, str]] = field(default_factory=list)  # fields of pages that are read
     plain: list[str] = field(default_factory=list)  # mistakes that need no robot
     own: dict[str, list[SourceLiteral]] = field(default_factory=dict)  # by class: attributes of self that are read
@@ -182,10 +184,13 @@ class _Reader(ast.NodeVisitor):
             case [ast.Attribute(value=ast.Name(id="TaskType"), attr=kind), ast.Constant(value=str(key))]:
                 if kind in _WAITED_FOR:
                     self._source.waits.append(SourceLiteral(key, self._place(node)))
+                self._source.handled |= {key} if kind == "event" else set()
         self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> None:
         name = _called(node)
+        if _is_call(node, "handles"):
+            self._source.handled |= {ast.unparse(one.value).strip("'") for one in node.keywords if one.arg == "event"}
         key = node.args[0].value if node.args and isinstance(node.args[0], ast.Constant) else None
         if name in _STORES:
             if isinstance(key, str):
@@ -200,6 +205,8 @@ class _Reader(ast.NodeVisitor):
             self._source.gets.append(SourceLiteral(self._declared[declared], self._place(node)))
         elif (page := self._page_of_get(node)) and isinstance(key, str):
             self._source.fields.append((SourceLiteral(page, self._place(node)), key))
+        elif ast.unparse(node.func) == "tasks.event" and isinstance(key, str):
+            self._source.sent.append(SourceLiteral(key, self._place(node)))
         elif name == "setattr":
             self._source.set_names.add(str(getattr(node.args[1], "value", "")) if len(node.args) > 1 else "")
         elif self._class and ast.unparse(node.func) in ("sys.exit", "exit", "quit"):

@@ -163,8 +163,9 @@ class SimulationRun:
             return self._referee.verdict
         if is_interrupted:
             return Verdict("interrupted", False)
-        if any(node.is_terminated for node in self.nodes):
-            return Verdict("ended", False)
+        ended = [node.exit_reason or "" for node in self.nodes if node.is_terminated]
+        if ended:
+            return Verdict("ended", False, next(filter(None, ended), ""))
         limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
         return Verdict("timeout", False, f"the scenario had not come to an end by its TIME_LIMIT_S of {limit_s:g} s")
 

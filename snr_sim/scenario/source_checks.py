@@ -26,6 +26,7 @@ from snr_sim.core.source_location import class_location, location_of, short_path
 from snr_sim.devices.commands import CommandLoop, command_of
 from snr_sim.devices.readings import SensorLoop
 from snr_sim.prelude.errors import CommandError, ConfigError, suggest
+from snr_sim.prelude.task import TaskType
 from snr_sim.scenario import library
 from snr_sim.scenario.controller_source import Source, SourceLiteral, finding, read_source, texts_of
 from snr_sim.scenario.simulation import Simulation
@@ -85,11 +86,14 @@ class _Robot:
         self._known = self._others | self._stored
 
     def notes(self, simulation: Simulation, is_running: bool) -> Iterator[str]:
-        unknown = [one for one in (*self._source.waits, *self._source.gets) if not self._has(one.name)]
+        loops = [one for one in self._components if isinstance(one, Loop) and type(one).__name__ in self._source.own]
+        woken = [SourceLiteral(key, at) for one in loops if (at := class_location(type(one))) for key in one.wakes_on]
+        unknown = [one for one in (*self._source.waits, *self._source.gets, *woken) if not self._has(one.name)]
         if unknown and not self._source.is_open:
             _check_robot(simulation, self._source, {one.name for one in unknown})
             yield from map(self._unstored_page, unknown)
         yield from self._unhandled_pages()
+        yield from self._unhandled_events()
         yield from self._commands_of_several()
         if simulation.request.io == "sim" and not is_running:  # only the run opens real devices
             yield from self._commands()
@@ -109,6 +113,15 @@ class _Robot:
             if close and one.name not in taken | self._others:
                 what = f"Nothing in this robot takes the page '{one.name}'; its actuators take: "
                 yield finding(one.place, f"{what}{', '.join(self._actuators)}.", f"did you mean '{close[0]}'?")
+
+    def _unhandled_events(self) -> Iterator[str]:
+        ids = [task_id for one in self._components for task_id in one.task_handlers]
+        handled = {one[1] for one in ids if isinstance(one, tuple) and one[0] is TaskType.event} | self._source.handled
+        known = handled.union(self._others, *(getattr(one, "optional_events", ()) for one in self._components))
+        for one in self._source.sent if TaskType.event not in ids else ():
+            if one.name not in known:
+                fix = near(one.name, handled) or f"@handles(event={one.name!r}) above the method that is to handle it."
+                yield finding(one.place, f"Nothing in this robot handles the event '{one.name}'.", fix)
 
     def _commands_of_several(self) -> Iterator[str]:
         for key in sorted(self._stored & self._actuators.keys()):

@@ -119,7 +119,7 @@ def _recording(lost: Any) -> Rows:
 
 def _link(link: Any) -> Rows:
     """Return why nothing has come over the link."""
-    return [] if link.data["up"] else [("vehicle", f"nothing received yet: the link {link.data['reason']}", "red")]
+    return [] if link.data["up"] else [("vehicle", f"nothing received yet; link: {link.data['reason']}", "red")]
 
 
 class Display(Loop):

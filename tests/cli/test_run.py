@@ -321,6 +321,12 @@ def test_missing_controller_file_suggests_nearest(snr: Snr, mine: Mine) -> None:
     assert "Try: a file in it: --controller mine.py. Or by name, " in snr(*RUN, "--controller", ".").err
 
 
+def test_run_that_a_component_ends_prints_its_reason(snr: Snr, here: Path, mine: Mine) -> None:
+    answer = snr(*RUN, "--controller", mine((WIRED, f"        return tasks.terminate('far enough')\n{WIRED}")))
+    assert (answer.status, "note: ended: far enough." in answer.err) == (1, True)
+    assert json.loads((run_folder(here) / RESULT_NAME).read_text())["notes"] == ["ended: far enough."]
+
+
 # Controllers that fail during the run: the recording is complete up to the failure
 
 LATE = "if now_s >= 30.0: "

@@ -1,5 +1,6 @@
 """A node's life cycle: creation, begin, run, end; and its messages when a component fails."""
 
+import inspect
 import itertools
 from collections.abc import Callable
 from typing import Any
@@ -270,6 +271,14 @@ def test_duplicate_component_name_raises_config_error() -> None:
 def test_component_named_node_core_raises_config_error() -> None:
     with pytest.raises(ConfigError, match="two components named 'node_core'"):
         node_of(FunctionEndpointFactory(name="node_core"))
+
+
+def test_methods_of_a_class_are_checked_once_and_not_for_each_component(monkeypatch: pytest.MonkeyPatch) -> None:
+    checked, signature = [], inspect.signature
+    monkeypatch.setattr(inspect, "signature", lambda function: checked.append(function) or signature(function))
+    factories = [FunctionEndpointFactory({}, f"one_{i}") for i in range(100)]
+    assert len(node_of(*factories).components) > 100
+    assert len(checked) <= 20
 
 
 class WithoutSuper(Endpoint):

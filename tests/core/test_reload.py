@@ -666,3 +666,17 @@ def test_components_can_be_read_from_thread_during_changes() -> None:
     LockStep([node], clock).run()
     assert len(list(iterator[0])) == 52  # as it was when the looking began
     assert len(node.components) == 2
+
+
+def test_change_that_fails_again_and_again_is_logged_ten_times(caplog: pytest.LogCaptureFixture) -> None:
+    remover = FunctionEndpointFactory(
+        {(TaskType.event, "go"): lambda task, task_id: tasks.remove_component("foo")}, "r"
+    )
+    node = Node("r", Config(factories={"r": [remover]}), clock=SimClock())
+    node.begin()
+    for _ in range(30):
+        node.enqueue_input(tasks.event("go"), "test")
+    node.run_ready()
+    warnings = [one.getMessage() for one in caplog.records if "no component 'foo'" in one.getMessage()]
+    assert len(warnings) == 10
+    assert ["More of it" in one for one in warnings] == [False] * 9 + [True]

@@ -81,6 +81,15 @@ def test_ambiguous_code_has_no_findings(tmp_path: Path, old: str, new: str) -> N
     assert notes_on(own(tmp_path, GENTLE.replace(old, new, 1)), "lander_vertical") == []
 
 
+def test_event_of_a_component_that_is_added_later_has_no_findings(tmp_path: Path) -> None:
+    text = GENTLE.replace("EndpointFactory, TaskType", "EndpointFactory, TaskType, handles, tasks")
+    later = 'class Later(Endpoint):\n    @handles(event="go")\n    def on_go(self, task):\n        pass\n\n\n'
+    begin = '    def begin(self):\n        return [tasks.add_component(Later.factory()), tasks.event("go")]\n\n    def on_radar'
+    text = text.replace("    def on_radar", begin).replace("class Gentle(", f"{later}class Gentle(")
+    assert notes_on(own(tmp_path, text), "lander_vertical") == []
+    assert len(notes_on(own(tmp_path, text.replace('event="go"', 'event="goo"')), "lander_vertical")) == 1
+
+
 def test_misspelt_name_that_is_used_often_is_one_finding(tmp_path: Path) -> None:
     text = "def pulse_us(heave):\n    return heave\n\n\nONE = pulses_us(0)\nTWO = pulses_us(1)\nTHREE = pulses_us(2)\n"
     (note,) = notes_on_files([own(tmp_path, text)])

@@ -37,7 +37,7 @@ def test_display_shows_surface_problems() -> None:
 def test_display_shows_link_reason_before_first_page() -> None:
     down = {"up": False, "reason": "waits for 127.0.0.1:9120: Connection refused."}
     text = rows(link=Page("link", down, "topside", 1.0, True))["vehicle"]
-    assert "nothing received yet: the link waits for 127.0.0.1:9120: Connection refused." in text
+    assert "nothing received yet; link: waits for 127.0.0.1:9120: Connection refused." in text
 
 
 def test_status_of_silent_vehicle_is_dim_and_marked_as_old() -> None:

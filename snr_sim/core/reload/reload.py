@@ -29,6 +29,7 @@ from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.reload.new_code_calls import AbandonedCallError, NewCodeCalls
 from snr_sim.core.reload.sources import ModuleReload, modules_of, show_source_in_use
 from snr_sim.core.reload.state_snapshot import Snapshot
+from snr_sim.core.run_diagnostics import MAX_OF_A_KIND
 from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
@@ -59,6 +60,7 @@ class ComponentManager:
         self.calls: NewCodeCalls = NewCodeCalls(self.node)
         self.replace_component: Callable[[Component | None, Component | None], None] = life.registry.replace_component
         self._has_loops = not self.node.is_replay
+        self._failure, self._failures = "", 0  # the newest message, and how often it has come in a row
 
     def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Recreate components from the present code in their files; each file is read once.
@@ -125,10 +127,13 @@ class ComponentManager:
         sources: Mapping[str, str] | None = None,
     ) -> Task:
         """Report the outcome of a change in the log, at the end of the run if it failed, and in the page returned."""
+        self._failures = self._failures + 1 if message == self._failure else 1
+        self._failure = "" if ok else message
         if ok:
             self._core.log.info("%s", message)
-        else:
-            self._core.log.warning("%s", message)
+        elif self._failures <= MAX_OF_A_KIND:
+            more = "\n  More of it in a row are not printed." if self._failures == MAX_OF_A_KIND else ""
+            self._core.log.warning("%s%s", message, more)
             self.node.add_note(message)
         outcome: dict[str, Any] = {"component": component, "ok": ok, "message": message}
         return self._core.store_data_task(key, outcome | {"created": list(created), "sources": sources or {}})
