@@ -94,9 +94,7 @@ class BoundState:
 
 
 # A transition, its least time or what computes that, its effect, and its kind, name, target and line: looked up once.
-BoundTransition: TypeAlias = tuple[
-    Transition, int | Callable[[Any], Any] | None, tuple[Call, ...], str, str, str, int
-]
+BoundTransition: TypeAlias = tuple[Transition, int | Callable[[Any], Any] | None, tuple[Call, ...], str, str, str, int]
 Row = tuple[int | None, Callable[[Any], Any] | None, BoundTransition]
 Spawned: TypeAlias = "tuple[BoundMachine, str]"  # with its initial state
 
