@@ -19,7 +19,7 @@ MAX_LINES = {
     "snr_sim/plants": 8350,
     "snr_sim/prelude": 2720,
     "snr_sim/recording": 4710,
-    "snr_sim/scenario": 3870,
+    "snr_sim/scenario": 3890,
     "snr_sim/schemas": 120,
     "snr_sim/std_mods": 870,
     "snr_sim/supervision": 330,
@@ -30,7 +30,7 @@ MAX_LINES = {
     "robots": 4290,
     "scenarios": 1740,
     "assignments": 8500,
-    "tests": 86940,
+    "tests": 87200,
     "snr_sim/grading/sandbox": 800,
 }
 
