@@ -17,7 +17,7 @@ MAX_LINES = {
     "snr_sim/learning": 4030,
     "snr_sim/links": 5420,
     "snr_sim/plants": 8350,
-    "snr_sim/prelude": 2720,
+    "snr_sim/prelude": 2780,
     "snr_sim/recording": 4710,
     "snr_sim/scenario": 3890,
     "snr_sim/schemas": 120,

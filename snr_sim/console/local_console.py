@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from queue import Empty, SimpleQueue
+from queue import Empty
 from typing import TextIO
 
 from snr_sim.console.commands import TABLE
@@ -21,6 +21,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.text import visible
+from snr_sim.prelude.waiting import TimedQueue
 
 POLL_PERIOD_S = 0.05  # maximum time that a closing node waits for this loop
 SOON_S = 0.005
@@ -136,7 +137,7 @@ class _ThreadReader:
     """
 
     def __init__(self, descriptor: int) -> None:
-        self._received: SimpleQueue[bytes] = SimpleQueue()
+        self._received: TimedQueue[bytes] = TimedQueue()
         threading.Thread(target=self._run, args=(descriptor,), name="stdin", daemon=True).start()
 
     def _run(self, descriptor: int) -> None:
@@ -150,6 +151,6 @@ class _ThreadReader:
 
     def __call__(self) -> bytes | None:
         try:
-            return self._received.get(timeout=POLL_PERIOD_S)
+            return self._received.get(POLL_PERIOD_S)
         except Empty:
             return None

@@ -8,11 +8,11 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from queue import Empty, SimpleQueue
 from typing import Any, TypeAlias
 
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.waiting import WakeUp
 
 # A signal that arrives just before the blocking call does not interrupt it (2 of 300 interrupted nodes hung), so every
 # wait ends after this time at the latest and the caller checks for signals.
@@ -70,14 +70,14 @@ class SelectorWaiter:
 class Inbox:
     """Queue that any thread can put into and one thread takes from; a wait costs no CPU time.
 
-    `deque.append` and `SimpleQueue.put` are atomic for threads and signal handlers. So `put` holds no lock that an
+    `deque.append` and `WakeUp.wake` are atomic for threads and signal handlers. So `put` holds no lock that an
     interrupt could leave locked, which would make a node hang at Ctrl-C.
     """
 
     def __init__(self) -> None:
         self.waiting: deque[tuple[Task, str]] = deque()
         self.failure: SnrError | None = None
-        self._wake: SimpleQueue[None] = SimpleQueue()
+        self._wake_up = WakeUp()
         self.is_waiting: bool = False  # whether the node's thread is in `wait` now
         self._selector_waiter: SelectorWaiter | None = None
         self._opening = threading.Lock()  # to create the waiter; only links' threads take it
@@ -93,7 +93,7 @@ class Inbox:
         with self._opening:  # two links may start at the same time, each on its own thread
             if self._selector_waiter is None:
                 self._selector_waiter = SelectorWaiter()
-                self._wake.put(None)  # ends a wait that has already begun on this queue
+                self._wake_up.wake()  # ends a wait that has already begun on this queue
         self._selector_waiter.watch(descriptor, serve, what)
 
     def unwatch(self, descriptor: int) -> None:
@@ -112,7 +112,7 @@ class Inbox:
         if self.is_waiting:
             self.is_waiting = False  # one wake-up is enough for all tasks put before the node takes them
             if self._selector_waiter is None:
-                self._wake.put(None)
+                self._wake_up.wake()
             else:
                 self._selector_waiter.wake()
 
@@ -139,11 +139,9 @@ class Inbox:
         try:
             if not self.waiting:
                 if selector_waiter is None:
-                    self._wake.get(timeout=timeout_s)
+                    self._wake_up.wait(timeout_s)
                 else:
                     seen = selector_waiter.wait(timeout_s)
-        except Empty:
-            pass
         finally:
             self.is_waiting = False
         for serve, what in seen:

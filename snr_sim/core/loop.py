@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from math import isnan
 from numbers import Real
-from queue import Empty, SimpleQueue
+from queue import Empty
 from typing import Any, Literal, Protocol
 
 from snr_sim.core.component import NodeComponent
@@ -19,6 +19,7 @@ from snr_sim.prelude.errors import ComponentFailedError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.renamed import warn_renamed
 from snr_sim.prelude.task import DataKey, Page, SomeTasks, TaskHandlerMap
+from snr_sim.prelude.waiting import TimedQueue
 
 NEVER_S: float = 1e300  # as `next_tick_at_s`: no time. Finite, so that JSON can carry it
 _EXECUTORS = ("thread", "process")
@@ -82,7 +83,7 @@ class SetupResult:
     """
 
     def __init__(self) -> None:
-        self._result: SimpleQueue[ComponentFailedError | None] = SimpleQueue()
+        self._result: TimedQueue[ComponentFailedError | None] = TimedQueue()
         self._token = deque([None])  # the first side takes it: `pop` is atomic, and no lock can stay held
 
     def set_result(self, failure: ComponentFailedError | None) -> bool:
@@ -95,7 +96,7 @@ class SetupResult:
     def wait(self, timeout_s: float) -> ComponentFailedError | None:
         """Wait for the result; return the failure, or None after success or the timeout, which ends the wait."""
         try:
-            return self._result.get(timeout=timeout_s)
+            return self._result.get(timeout_s)
         except Empty:
             return None if self._is_first() else self._result.get()
 

@@ -23,7 +23,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from snr_sim.links.faults import LossyChannel
@@ -34,6 +33,7 @@ from snr_sim.links.queues import FairQueue, SendQueue
 from snr_sim.links.restarting import BackOff
 from snr_sim.prelude.errors import LinkError, MissingExtraError, SnrError
 from snr_sim.prelude.task import DataKey
+from snr_sim.prelude.waiting import WakeUp
 
 HOUSEKEEPING_PERIOD_S = 0.05
 MAX_TIME_BYTES = 32  # maximum length of the reply to a ping
@@ -130,7 +130,7 @@ class ZenohTransport(Fleet):
         )
         self._delayed: list[tuple[float, int, Callable[[], None]]] = []  # delayed by faults, ordered by arrival time
         self._count = 0
-        self._wake_ups: SimpleQueue[None] = SimpleQueue()
+        self._wake_up = WakeUp()
         self._is_woken = False
         self._housekeep_s = 0.0
 
@@ -265,7 +265,7 @@ class ZenohTransport(Fleet):
         """Wake the link's thread; see Transport."""
         if not self._is_woken:
             self._is_woken = True
-            self._wake_ups.put(None)
+            self._wake_up.wake()
 
     # On the link's thread
 
@@ -274,8 +274,7 @@ class ZenohTransport(Fleet):
         due_s = min(self._housekeep_s, self._delayed[0][0]) if self._delayed else self._housekeep_s
         wait_s = PAUSED_POLL_PERIOD_S if self.link.is_paused else due_s - self.now_s()
         if wait_s > 0:
-            with suppress(Empty):
-                self._wake_ups.get(timeout=wait_s)
+            self._wake_up.wait(wait_s)
         self._is_woken = False  # before the work, so that what arrives during it wakes the thread again
         now_s = self.now_s()
         if self._session is None and now_s >= self._try_s:

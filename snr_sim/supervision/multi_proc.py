@@ -19,7 +19,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from queue import Empty, SimpleQueue
+from queue import Empty
 from types import FrameType
 from typing import Any, TypeAlias
 
@@ -31,6 +31,7 @@ from snr_sim.core.standard_streams import forward_line, print_line
 from snr_sim.prelude.component import PortFactory, RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
 from snr_sim.prelude.interfaces import implements
+from snr_sim.prelude.waiting import TimedQueue
 from snr_sim.supervision.role_process import RoleRun, run_role
 
 TARGET = "snr_sim.supervision.role_process:run"
@@ -82,7 +83,7 @@ class MultiProcRunner:
         self._seed = seed
         self._run = run
         self._ends_all = set(ends_all)
-        self._events: SimpleQueue[ProcessEvent] = SimpleQueue()
+        self._events: TimedQueue[ProcessEvent] = TimedQueue()
         self._running: dict[RoleName, MonitoredProcess] = {}
         self._overdue: set[RoleName] = set()
         self._failed: set[RoleName] = set()  # roles that reported their failure themselves
@@ -158,7 +159,7 @@ class MultiProcRunner:
     def _wait(self) -> None:
         wait_s = POLL_PERIOD_S if self._kill_at_s is None else min(POLL_PERIOD_S, self._kill_at_s - time.monotonic())
         try:
-            what, *values = self._events.get(timeout=max(wait_s, 0.0))
+            what, *values = self._events.get(wait_s)
         except Empty:
             if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
                 self._kill_at_s = None
@@ -212,7 +213,7 @@ class MultiProcRunner:
 
 
 @contextmanager
-def _signals_as(events: SimpleQueue[ProcessEvent]) -> Iterator[None]:
+def _signals_as(events: TimedQueue[ProcessEvent]) -> Iterator[None]:
     """Turn Ctrl-C and SIGTERM into events while active; outside of the main thread, do nothing."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import astuple
 from multiprocessing.connection import Connection
-from queue import Empty, SimpleQueue
+from queue import Empty
 from types import FrameType
 from typing import Any
 
@@ -32,6 +32,7 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S, ThreadExecutor
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
 from snr_sim.prelude.task import DataKey, Page, Task, TaskType
+from snr_sim.prelude.waiting import TimedQueue
 
 _COUNTS_PERIOD_S = 0.5
 _ANSWER_TIMEOUT_S = 1.0  # a node that ends does not answer
@@ -43,7 +44,7 @@ def run(line: Connection) -> None:
     begin = messages.receive()[1]
     messages.user = f"Loop '{begin['loop']}'"
     pages = RemoteDatastore(messages)
-    answers: SimpleQueue[Any] = SimpleQueue()
+    answers: TimedQueue[Any] = TimedQueue()
     life = ProcessLifetime()
     signal.signal(signal.SIGTERM, life.on_signal)
     spawned.unblock_signals()
@@ -199,7 +200,7 @@ class LoopNode(Node):
     """The node as the loop in this process sees it. What only the node itself knows, the loop's thread asks it."""
 
     def __init__(
-        self, begin: dict[str, Any], messages: MessageLine, pages: RemoteDatastore, answers: SimpleQueue[Any]
+        self, begin: dict[str, Any], messages: MessageLine, pages: RemoteDatastore, answers: TimedQueue[Any]
     ) -> None:
         config = Config(Mode(begin["mode"]), {begin["role"]: []})
         super().__init__(begin["role"], config, clock=WallClock(begin["clock_start_s"]), seed=begin["seed"])
@@ -228,7 +229,7 @@ class LoopNode(Node):
     def _ask(self, *question: Any) -> Any:
         self._messages.send("ask", *question)
         with suppress(Empty):
-            return self._answers.get(timeout=_ANSWER_TIMEOUT_S)
+            return self._answers.get(_ANSWER_TIMEOUT_S)
 
 
 class RemoteLogHandler(logging.Handler):

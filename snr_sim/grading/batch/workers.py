@@ -26,6 +26,7 @@ from snr_sim.core.process.spawn import SpawnedProcess, describe_exit
 from snr_sim.core.standard_streams import print_line
 from snr_sim.grading.batch.worker import JOB_CPU_S, Job, ungraded_result
 from snr_sim.grading.reports.results import Graded, decode_graded
+from snr_sim.prelude.waiting import TimedQueue
 
 TIMEOUT_S = 3600.0  # of wall time for one submission; far longer than the limits of all its cases together
 _MAX_TRIES = 2
@@ -45,7 +46,7 @@ class WorkerProcess:
         self._cores = cores
         self._limit_s = limit_s
         self._target = target
-        self._answers: SimpleQueue[bytes | int] = SimpleQueue()  # results, and the exit status after the last one
+        self._answers: TimedQueue[bytes | int] = TimedQueue()  # results, and the exit status after the last one
         self._process: SpawnedProcess | None = None
         self._listener: Thread | None = None
         self._is_closed = False
@@ -89,7 +90,7 @@ class WorkerProcess:
             process = self._process = self._process or self._start_process()
         process.send(msgspec.json.encode(job))
         try:
-            answer: bytes | int | None = self._answers.get(timeout=self._limit_s)
+            answer: bytes | int | None = self._answers.get(self._limit_s)
         except Empty:
             process.kill()
             answer = None

@@ -12,13 +12,14 @@ import tempfile
 import threading
 from contextlib import suppress
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import Empty
 
 from snr_sim.grading.remote.cpu_timeout import POLL_PERIOD_S, CpuTimeout
 from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.remote.student_process import CHUNK, StudentProcess
 from snr_sim.grading.sandbox.sandbox import Limits
+from snr_sim.prelude.waiting import TimedQueue
 
 
 class PipedProcess(StudentProcess):
@@ -30,7 +31,7 @@ class PipedProcess(StudentProcess):
         self._printing = io.FileIO(self._file)  # a place of its own in the file
         with open(number, "ab") as printing:
             self._piped = self._process = start_process(folder, "none", PIPES, limits, prints_to=printing)
-        self._answers: SimpleQueue[bytes] = SimpleQueue()
+        self._answers: TimedQueue[bytes] = TimedQueue()
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
@@ -49,7 +50,7 @@ class PipedProcess(StudentProcess):
     def _receive_some(self, timeout: CpuTimeout) -> bytes:
         while True:
             try:
-                return self._answers.get(timeout=POLL_PERIOD_S)
+                return self._answers.get(POLL_PERIOD_S)
             except Empty:
                 self._check_timeout(timeout)
             finally:
