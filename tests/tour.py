@@ -24,6 +24,7 @@ from snr_sim.core.node_life import NodeLife
 from snr_sim.grading.grade import _Grading
 from snr_sim.grading.lab.lab import find_lab
 from snr_sim.links.simulated import SimulatedPeer
+from snr_sim.prelude.values import no_garbage_collection
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
@@ -57,16 +58,18 @@ class Walk:
     def __init__(self, starts: Starts | None = None) -> None:
         self.is_on: Callable[[], bool] = lambda: False
         self.steps: dict[Any, tuple[str, str, str]] = {}
+        self._codes = list(starts or ())  # kept, so that no other code gets the identity of one of them
         self._starts = {id(code): start for code, start in (starts or {}).items()}
         self._is_inside = [starts is None]  # for each of these functions that has not returned
 
     def follow(self, run: Callable[[], object]) -> None:
-        """Run something, and note what is entered meanwhile."""
-        sys.setprofile(self._on_call)
-        try:
-            run()
-        finally:
-            sys.setprofile(None)
+        """Run something, and note what is entered meanwhile, without finalizers, which run at any time."""
+        with no_garbage_collection():
+            sys.setprofile(self._on_call)
+            try:
+                run()
+            finally:
+                sys.setprofile(None)
 
     def _on_call(self, frame: FrameType, event: str, value: Any) -> None:
         if event not in ("call", "return"):
