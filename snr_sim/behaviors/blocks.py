@@ -400,7 +400,8 @@ def _make(
     block = _function("block", ["_m"], body)
     result = ast.Return(ast.Name("block", ast.Load()))
     outer = _function("make", ["_v", "_robot", *rewriter.places.values()], [*prepared, *helpers, block, result])
-    module = ast.fix_missing_locations(ast.Module([outer], []))
+    module = ast.Module([outer], [])
+    _place(module)
     with warnings.catch_warnings():  # such as of (-1)[0], which fails when it is executed
         warnings.simplefilter("ignore")
         code = compile(module, "<block>", "exec")
@@ -416,8 +417,22 @@ def _expression(text: str) -> ast.expr:
 
 
 def _function(name: str, parameters: list[str], body: list[ast.stmt]) -> ast.FunctionDef:
-    template = ast.parse("def f(): pass").body[0]
-    assert isinstance(template, ast.FunctionDef)
-    template.name, template.body = name, body
-    template.args.args = [ast.arg(one) for one in parameters]
-    return template
+    arguments = ast.arguments(
+        posonlyargs=[], args=[ast.arg(one) for one in parameters], kwonlyargs=[], kw_defaults=[], defaults=[]
+    )
+    made: dict[str, Any] = {"name": name, "args": arguments, "body": body, "decorator_list": [], "type_params": []}
+    return ast.FunctionDef(**made)
+
+
+def _place(tree: ast.AST) -> None:
+    """Give all nodes the place that `compile` needs, as `ast.fix_missing_locations` does, in a third of the time."""
+    left = [tree]
+    while left:
+        node: Any = left.pop()
+        node.lineno = node.end_lineno = 1
+        node.col_offset = node.end_col_offset = 0
+        for one in vars(node).values():
+            if isinstance(one, list):
+                left += [child for child in one if isinstance(child, ast.AST)]
+            elif isinstance(one, ast.AST) and not isinstance(one, ast.expr_context | ast.operator):
+                left.append(one)

@@ -66,7 +66,7 @@ class ForkedChild:
         if dead.poll(None if timeout is None else timeout * 1000.0):
             os.close(self._death)
             self._death = -1
-            self._fork_server.is_busy = False
+            self._fork_server.running.discard(self)
 
 
 class ForkServer:
@@ -84,7 +84,7 @@ class ForkServer:
         self._is_loaded = False
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
-        self.is_busy: bool = False
+        self.running: set[ForkedChild] = set()  # copies that have not been waited for
 
     def __enter__(self) -> ForkServer:
         return self
@@ -100,7 +100,7 @@ class ForkServer:
             yield
         finally:
             self._submission, self._is_loaded = None, False
-            if self.is_busy:
+            if self.running:
                 self._end()  # the last copy was not ended by its user
             if self._shown is not None:
                 _empty(self._shown)
@@ -116,7 +116,7 @@ class ForkServer:
         if not self._is_enabled or isolation != self._isolation:
             return None
         if self._isolation == "sandbox":
-            if self.is_busy or readable or folder != self._submission:
+            if self.running or readable or folder != self._submission:
                 return None
             if not self._is_loaded:
                 copy_world_readable(folder, self._shown_folder())
@@ -136,9 +136,10 @@ class ForkServer:
             raise
         finally:
             os.close(output)
-        self.is_busy = True
         (number,) = NUMBER.unpack(word)
-        return ForkedChild(self, number, fds[0], reader)
+        child = ForkedChild(self, number, fds[0], reader)
+        self.running.add(child)
+        return child
 
     def _shown_folder(self) -> Path:
         if self._shown is None:
@@ -198,8 +199,11 @@ class ForkServer:
         if self._socket is not None:
             wait_for_hangup(self._socket)
             self._socket.close()
+        for child in tuple(self.running):  # the kernel ends them only after the sandbox's own processes
+            child.kill()
+            child.wait(_RESPONSE_TIMEOUT_S)
+        self.running.clear()
         self._process = self._socket = None
-        self.is_busy = False
         return output.decode(errors="replace")
 
 
