@@ -8,7 +8,7 @@ from pathlib import Path
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.folder import runs_here, trace_path
-from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.reader import Trace, beginning_of, read_trace
 
 
 def run_or_newest(run: Path | None) -> Path:
@@ -22,7 +22,11 @@ def trace_of(run: Path | None) -> Trace:
 
 
 def two_runs(first: Path | None, second: Path | None) -> tuple[Path, Path]:
-    """Return two runs; those not given are the newest in runs/, the older first; raise TraceError for too few."""
+    """Return two runs; those not given are the newest of one robot in runs/, the older first.
+
+    Raises:
+        TraceError: there are too few.
+    """
     if first is not None:
         return first, second if second is not None else _newest_but([first])
     newest = _newest_but([])
@@ -31,11 +35,24 @@ def two_runs(first: Path | None, second: Path | None) -> tuple[Path, Path]:
 
 def _newest_but(taken: list[Path]) -> Path:
     folders = {one.resolve() for one in taken} | {one.resolve().parent for one in taken if one.is_file()}
-    run = next((one for one in reversed(runs_here()) if one.resolve() not in folders), None)
+    left = (one for one in reversed(runs_here()) if one.resolve() not in folders)
+    robots = {_robot_of(one) for one in taken} - {""}
+    run = next((one for one in left if not robots or _robot_of(one) in robots), None)
     if run is None:
+        of = "".join(f" of the robot '{robot}'" for robot in robots)
         raise TraceError(
-            f"No run was named, and there is {'no other' if taken else 'none'} in runs/.",
+            f"No run was named, and there is {'no other' if taken else 'none'}{of} in runs/.",
             fix="make one: snr run lander_vertical.",
         )
     print_line(sys.stderr, f"the newest run{' but that' if taken else ''}: {run}")
     return run
+
+
+def _robot_of(run: Path) -> str:
+    """Return the robot of a run, or an empty text if its trace cannot be read."""
+    try:
+        path = trace_path(run)
+        with path.open("rb") as file:
+            return beginning_of(path, [file.readline(), file.readline()])[1].robot
+    except (OSError, TraceError):
+        return ""

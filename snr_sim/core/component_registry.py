@@ -13,6 +13,7 @@ from snr_sim.core.endpoint import Endpoint, EndpointFactory, is_decorated
 from snr_sim.core.handlers import check_returns
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.run_diagnostics import attribute_location
 from snr_sim.core.source_location import (
     after_line,
     class_location,
@@ -80,6 +81,8 @@ class ComponentRegistry:
             what = f"{type(component).__name__} of role '{node.role}' has not called its parent's __init__."
             message = after_line(location_of(type(component).__init__), what)
             raise ConfigError(message, fix="begin its __init__ with: super().__init__(factory, parent, name).")
+        if component.parent is not node or not isinstance(component.name, str):
+            raise _misused_attribute(component, node)
         for step in _STEPS:
             _check_step(component, step)
         _check_names(component, "optional_events" if isinstance(component, Endpoint) else "wakes_on")
@@ -142,6 +145,17 @@ def _describe_non_factory(factory: Any) -> tuple[str, str]:
         instead = "SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair."
         return f"a {type(factory).__name__}, which links roles of one simulation,", instead
     return repr(factory), "list instances: [MyFactory()], not the class and not the endpoint itself."
+
+
+def _misused_attribute(component: Endpoint | Loop, node: NodeParts) -> ConfigError:
+    """Return the error for a component that has put something else into an attribute that its node needs."""
+    name, what = ("name", "name, a text") if component.parent is node else ("parent", "node")
+    message = (
+        f"{type(component).__name__} of role '{node.role}' sets self.{name} to "
+        f"{without_addresses(repr(getattr(component, name)))[:80]}, where the component's {what}, belongs."
+    )
+    where = attribute_location(component, name) or class_location(type(component))
+    return ConfigError(after_line(where, message), fix="give your own attribute another name.")
 
 
 def _check_names(component: Endpoint | Loop, attribute: str) -> None:

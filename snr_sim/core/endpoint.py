@@ -141,7 +141,7 @@ class _Handled:
 
 
 def handles(
-    page: DataKey | type | None = None, *, event: str | None = None, task: bool = False
+    page: DataKey | type | None = None, *more: object, event: str | None = None, task: bool = False
 ) -> Callable[[Method], Method]:
     """Make a method of an endpoint the handler of a page or of an event.
 
@@ -151,14 +151,22 @@ def handles(
 
     Args:
         page: its key, or a class that `@page` declares: then the data are converted to an object of this class.
+        more: none: one decorator is for one page.
         event: its name.
         task: whether the handler of a page is called with the task instead of the data.
 
     Raises:
-        ConfigError: neither or both are given, or the method cannot be called with one argument.
+        ConfigError: neither or both are given, or several pages, or the method cannot be called with one argument.
     """
     if isinstance(page, FunctionType):
         raise ConfigError(f"@handles above {page.__name__} does not name a page or an event.", fix=_USAGE)
+    given: Any = page  # anything, whatever the annotation says
+    if more or isinstance(given, (list, tuple, set, frozenset)):
+        each = [_shown(one) for one in (*(given if not isinstance(given, (str, type)) else [given]), *more)]
+        raise ConfigError(
+            f"@handles({', '.join(map(_shown, [page, *more]))}) does not name one page.",
+            fix=f"write one for each: {' and below it '.join(f'@handles({one})' for one in each)}.",
+        )
     for given in (page, event):
         if isinstance(given, TaskType):
             raise ConfigError(f"@handles({given}) names a kind of tasks, but no page and no event.", fix=_USAGE)
@@ -181,6 +189,10 @@ def handles(
         return method
 
     return decorate
+
+
+def _shown(given: object) -> str:
+    return given.__name__ if isinstance(given, type) else repr(given)[:80]
 
 
 def _check_method(method: Any, handled: _Handled) -> None:

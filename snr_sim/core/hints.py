@@ -111,8 +111,12 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
     node = _node(trace)
     owner = _value(node.value, trace) if isinstance(node, ast.Attribute) else _UNKNOWN
     myself = {} if trace is None else getattr(trace.tb_frame.f_locals.get("self"), "__dict__", {})
-    if "'NoneType' object" in str(error) and myself.get("parent", "") is None:
+    parent = myself.get("parent")
+    if "parent" in myself and f"'{type(parent).__name__}' object" in str(error) and not hasattr(parent, "get_page"):
         return "self.parent is the component's node: give your own attribute another name."
+    if trace is not None and isinstance(node, ast.Attribute) and "'super' object" in str(error):
+        kind = type(trace.tb_frame.f_locals.get("self")).__name__
+        return f"leave it out: what {kind} builds on has no {node.attr}, so there is nothing to call before yours."
     if owner is None or "'NoneType' object" in str(error):
         return _about_none(node)
     if owner is _UNKNOWN or not isinstance(node, ast.Attribute):

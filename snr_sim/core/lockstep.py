@@ -112,7 +112,7 @@ class LockStep:
         Raises:
             ComponentFailedError: a handler or a loop raised; every node has been halted.
         """
-        _run_watched(self._nodes, self._run)
+        _run_watched(self._nodes, self._run, is_endless=self._pace is None and self._until_s == float("inf"))
 
     def _run(self) -> str:
         for node in self._nodes:
@@ -183,9 +183,9 @@ class LockStep:
                 return False
 
 
-def _run_watched(nodes: Sequence[NodeParts], run: Callable[[], str]) -> None:
+def _run_watched(nodes: Sequence[NodeParts], run: Callable[[], str], is_endless: bool = False) -> None:
     """Run nodes by `run`, which returns why it ended, then end them, all under a watchdog."""
-    with Watchdog(nodes) as watchdog:
+    with Watchdog(nodes, is_endless=is_endless) as watchdog:
         try:
             reason = run()
         except BaseException as error:

@@ -7,6 +7,7 @@ and orders components, `node_life.py` begins and ends them, `node_report.py` col
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -31,6 +32,7 @@ from snr_sim.core.reload.reload import ComponentManager
 from snr_sim.core.reload.rollback import Probations
 from snr_sim.core.reload.sources import reloading_file
 from snr_sim.core.run_diagnostics import find_writer
+from snr_sim.core.source_location import current_location
 from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.core.thread_executor import ThreadExecutor
 from snr_sim.prelude import tasks
@@ -183,8 +185,10 @@ class Node(NodeMembers):
 
     def schedule(self, tasks: SomeTasks, source: str = "outside") -> None:
         """Queue tasks: as results of the running handler, or as inputs of `source` if none of this node's runs."""
-        running = self.machine.running
-        if running is None or threading.get_ident() != self.thread_id:
+        running, is_own_thread = self.machine.running, threading.get_ident() == self.thread_id
+        if running is None or not is_own_thread:
+            if self.is_in_lock_step and not is_own_thread:
+                self._note_thread(source)
             self.enqueue_input(tasks, source)
         elif isinstance(running, Loop):
             self.enqueue_input(tasks, running.name)
@@ -192,6 +196,17 @@ class Node(NodeMembers):
             self.life.note_too_late(running, tasks)
         else:
             self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
+
+    def _note_thread(self, source: str) -> None:
+        """Note, with the student's line, that an endpoint's own thread sends tasks: no clock decides when."""
+        location = current_location(sys._getframe())
+        if location is not None and isinstance(self.components.get(source), Endpoint):
+            self.add_note(
+                f"'{source}' sends tasks from a thread of its own, at moments that differ in each run: the same seed "
+                "gives another run.\n  Try: a Loop in place of the thread; it ticks on the simulation's clock.",
+                f"{location}\n  ",
+                is_recorded=False,  # a replay has no part in when the thread sends
+            )
 
     def enqueue_input(self, tasks: SomeTasks, source: str) -> None:
         """Put tasks in the inbox, from any thread; `source` names the sender. Raise a TaskError for anything else."""

@@ -38,6 +38,7 @@ SHOWN = 3
 ENDLESS_AFTER_S = 2.0  # without a pause, and with at least so many tasks, and so many for each input
 MIN_ENDLESS_TASKS = 1000
 MIN_TASKS_PER_INPUT = 100
+UNENDED_AFTER_S = 10.0
 
 
 class Overload:
@@ -152,11 +153,42 @@ def _percentages(counts: Counter[str]) -> str:
     return ", ".join(f"{name} {100 * count / whole:.0f} %" for name, count in counts.most_common(SHOWN))
 
 
+class Unended:
+    """Check of nodes in lock step without a time limit: when some have ended, the others may never do so.
+
+    Args:
+        nodes: of the run.
+    """
+
+    def __init__(self, nodes: Sequence[NodeParts]) -> None:
+        self._nodes = nodes
+        self._since_s: float | None = None  # when the first one was seen to have ended [s]
+        self._is_reported = False
+
+    def check(self, now_s: float) -> str | None:
+        """Return a report, once, if some nodes still run `UNENDED_AFTER_S` after another one has ended; else None."""
+        ended = [node.role for node in self._nodes if node.is_terminated]
+        left = [node for node in self._nodes if not node.is_terminated]
+        if self._is_reported or not (ended and left):
+            return None
+        self._since_s = now_s if self._since_s is None else self._since_s
+        if now_s - self._since_s < UNENDED_AFTER_S:
+            return None
+        self._is_reported = True
+        others = " and ".join(f"'{node.role}'" for node in left)
+        return (
+            f"Role '{ended[0]}' has ended, and {others} still {'runs' if len(left) == 1 else 'run'}, now at "
+            f"t = {left[0].clock.now_s():.0f} s of simulated time: the run ends when all have.\n"
+            "  Try: tasks.terminate('why') in each role, or a time limit: SimRunner(..., until_s=60.0)."
+        )
+
+
 class Watchdog:
     """Watchdog of a run, active in a `with` block on the thread that runs it.
 
     Args:
         nodes: of the run.
+        is_endless: whether they are in lock step, and no time limit ends them.
         now_s, report, pause: the clock, the output and the sleep, as tests need.
 
     Attributes:
@@ -167,12 +199,14 @@ class Watchdog:
         self,
         nodes: Sequence[NodeParts],
         *,
+        is_endless: bool = False,
         now_s: Callable[[], float] = time.monotonic,
         report: Callable[[str], object] = write_stderr,
         pause: Callable[[float], object] = time.sleep,
     ) -> None:
         self.failure: ComponentFailedError | None = None
         self._nodes = list(nodes)
+        self._unended = Unended(self._nodes if is_endless else [])
         self._now_s = now_s
         self._report = report
         self._pause = pause
@@ -211,7 +245,11 @@ class Watchdog:
         now_s = self._now_s()
         passed_s = min(now_s - self._checked_s, _MAX_COUNTED_S)
         self._checked_s = now_s
-        for message in (self._standstill.check(passed_s), *(one.check(now_s) for one in self._overloads)):
+        for message in (
+            self._standstill.check(passed_s),
+            self._unended.check(now_s),
+            *(one.check(now_s) for one in self._overloads),
+        ):
             if message is not None:
                 self._report(message)
         if self.failure is not None:

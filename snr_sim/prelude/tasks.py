@@ -32,11 +32,13 @@ def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
     """Return a task that reports an event, with a list of its own of the values.
 
     Raises:
-        TaskError: the values are not a list or a tuple.
+        TaskError: the name is not text, or the values are not a list or a tuple.
 
     >>> event("contact", ["left"]).val_list
     ['left']
     """
+    if type(name) is not str:
+        _check_text(name, "An event's name", 'tasks.event("measured", [5]): values go into the list')
     if val_list is _NO_VALUES:
         return Task(_EVENT, name)
     if isinstance(val_list, (list, tuple)):
@@ -62,13 +64,24 @@ def process_data(key: str) -> Task:
 
 
 def terminate(reason: str) -> Task:
-    """Return the task that ends the node; it overtakes all queued tasks."""
+    """Return the task that ends the node; it overtakes all queued tasks. Raise a TaskError if the reason is no text."""
+    _check_text(reason, "The reason to end", 'tasks.terminate("landed")')
     return Task(TaskType.terminate, reason)
 
 
 def finish(reason: str) -> Task:
-    """Return the task that ends the node after all queued tasks and those that follow from them, without time limit."""
+    """Return the task that ends the node after all queued tasks and those that follow from them, without time limit.
+
+    Raises:
+        TaskError: the reason is not text.
+    """
+    _check_text(reason, "The reason to end", 'tasks.finish("landed")')
     return Task(TaskType.event, FINISH_TASK_NAME, [reason, FINISH_GENERATIONS])
+
+
+def _check_text(given: object, what: str, fix: str) -> None:
+    if not isinstance(given, str):
+        raise TaskError(f"{what} is {given!r}, which is not text.", fix=f"{fix}.")
 
 
 def reload_component(name: str, *more: str) -> Task:

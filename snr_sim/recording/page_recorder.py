@@ -6,16 +6,21 @@ trace of a run has everything and does not need a recorder.
 A recording is only appended to. A reload continues in the same file, and so does the next start of the program, which
 first writes a line `{"$":"start","node":"urov_node"}` before its pages. If a crash truncated the last line, the next
 start begins on a new line, and readers skip the truncated one. To start over, remove the file or use another name.
+
+In lock step a line is written while its page is stored. On the wall clock a thread writes, so that a disk that answers
+late delays no handler; when `MAX_UNWRITTEN_BYTES` wait for it, the recording ends, and the robot continues.
 """
 
 from __future__ import annotations
 
 import os
+import threading
 import weakref
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from io import FileIO
 from pathlib import Path
+from queue import SimpleQueue
 
 import msgspec
 
@@ -26,6 +31,9 @@ from snr_sim.prelude.task import DataKey, Page, SomeTasks, Task, TaskId, TaskTyp
 from snr_sim.prelude.values import TAG
 from snr_sim.recording.page_reader import START
 
+MAX_UNWRITTEN_BYTES = 16_000_000
+CLOSE_TIMEOUT_S = 1.0  # for a disk that hangs, at the end of a run or at a reload
+_TOO_SLOW = "the disk is too slow, or does not answer"
 _OBJECT = b'"$":"object"'  # tag of a value that cannot be decoded; inside a text the quotes are escaped
 
 
@@ -59,6 +67,63 @@ class RecorderEndpointFactory(EndpointFactory):
         return not known
 
 
+class _LineWriter:
+    """Writer of whole lines to a file, each in one system call, so that lines of two recorders do not mix.
+
+    Args:
+        file: open, to be appended to; closed by `close`.
+        on_thread: whether a thread of its own writes.
+
+    Attributes:
+        failure: why no more lines are written, or an empty text.
+    """
+
+    def __init__(self, file: FileIO, on_thread: bool) -> None:
+        self.failure: str = ""
+        self._file = file
+        self._queue: SimpleQueue[bytes | None] = SimpleQueue()
+        self._put_bytes = self._written_bytes = 0  # each is counted by one thread
+        self._thread: threading.Thread | None = None
+        if on_thread:
+            self._thread = threading.Thread(target=self._write_queued, name="page-recorder", daemon=True)
+            self._thread.start()
+
+    def put(self, line: bytes) -> None:
+        """Write a line, or queue it for the thread; then look at `failure`."""
+        if self._thread is None:
+            self._write(line)
+        elif self._put_bytes - self._written_bytes > MAX_UNWRITTEN_BYTES:
+            self.failure = self.failure or _TOO_SLOW
+        else:
+            self._put_bytes += len(line)
+            self._queue.put(line)
+
+    def close(self) -> None:
+        """Write what is queued and close the file; after a failure, or if the disk hangs, the thread does so later."""
+        if self._thread is None:
+            self._file.close()
+            return
+        self._queue.put(None)
+        if not self.failure:
+            self._thread.join(CLOSE_TIMEOUT_S)
+            if self._thread.is_alive():
+                self.failure = _TOO_SLOW
+
+    def _write_queued(self) -> None:
+        while (line := self._queue.get()) is not None:
+            if not self.failure:
+                self._write(line)
+            self._written_bytes += len(line)
+        self._file.close()
+
+    def _write(self, line: bytes) -> None:
+        try:
+            if self._file.write(line + b"\n") != len(line) + 1:
+                self.failure = "there is no room left"
+        except OSError as error:
+            self.failure = str(error.strerror)
+
+
 class RecorderEndpoint(Endpoint):
     """Writes one line for each page, unbuffered. In a replay it does not write."""
 
@@ -66,7 +131,7 @@ class RecorderEndpoint(Endpoint):
 
     def __init__(self, factory: RecorderEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self._file: FileIO | None = None
+        self._writer: _LineWriter | None = None
         self._refused: Counter[DataKey] = Counter()
         self.task_handlers = {(TaskType.store_page, key): self.record for key in factory.keys}
 
@@ -80,19 +145,20 @@ class RecorderEndpoint(Endpoint):
             return
         path = self.factory.path
         try:
-            self._file = path.open("ab+", buffering=0)
-            _finish_cut_line(self._file)
+            file = path.open("ab+", buffering=0)
+            _finish_cut_line(file)
         except OSError as error:
             raise RecordingError(
                 f"The recording {path} cannot be written: {error.strerror}.", fix="a file in a folder that is there."
             ) from error
+        self._writer = _LineWriter(file, on_thread=not self.parent.is_in_lock_step)
         if self.factory.is_new(self.parent):
             self._write(msgspec.json.encode({TAG: START, "node": self.parent.name}))
 
     def record(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Write the page; report one that cannot be written and continue with the next."""
         page: Page = task.val_list[0]
-        if self._file is not None:
+        if self._writer is not None:
             try:
                 self._write(_as_line(page))
             except SnrError as error:
@@ -101,29 +167,25 @@ class RecorderEndpoint(Endpoint):
 
     def terminate(self) -> None:
         """Close the file."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        if self._writer is not None:
+            self._writer.close()
+            if self._writer.failure:
+                self._report(self._writer.failure)
+            self._writer = None
         for key, count in self._refused.items():
             if count > 1:
                 self.parent.add_note(f"'{self.name}' could not record {count} pages '{key}'.")
 
     def _write(self, line: bytes) -> None:
-        """Write a whole line or nothing, in one system call, so that lines of two recorders do not mix."""
-        assert self._file is not None
-        try:
-            whole = self._file.write(line + b"\n") == len(line) + 1
-            reason = "there is no room left"
-        except OSError as error:
-            whole, reason = False, str(error.strerror)
-        if not whole:
-            self._stop(reason)
+        """Write a line; a disk that fails ends the recording, but not the node."""
+        if self._writer is not None:
+            self._writer.put(line)
+            if self._writer.failure:
+                self._report(self._writer.failure)
+                self._writer.close()
+                self._writer = None
 
-    def _stop(self, reason: str) -> None:
-        """End the recording, but not the node."""
-        assert self._file is not None
-        self._file.close()
-        self._file = None
+    def _report(self, reason: str) -> None:
         text = f"'{self.name}' ended its recording {self.factory.path} at t = {self.get_time_s():.3f} s: {reason}."
         self.log.error(text)
         self.parent.add_note(text)

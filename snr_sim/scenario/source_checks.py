@@ -240,6 +240,9 @@ def _misnamed(component: Endpoint | Loop, source: Source) -> Iterator[str]:
     read = {name for reads in source.own.values() for name, _, _ in reads}
     kind = type(component)
     for name, member in vars(kind).items():
+        if name == "name" and isinstance(member, str) and member != component.name:
+            what = f"The name of {kind.__name__} has no effect: its factory names the component '{component.name}'."
+            yield finding(class_location(kind), what, f"{kind.__name__}.factory(name={member!r}).")
         if name.startswith("_") or name in used or name in read:
             continue
         place = location_of(member) or class_location(kind)

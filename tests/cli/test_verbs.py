@@ -567,6 +567,19 @@ def test_verbs_without_run_use_newest_and_print_it(snr: Snr, recorded_run: Path,
     assert f"the newest run but that: {newest}\n" in snr("compare", older).err
 
 
+def test_compare_without_runs_takes_the_newest_of_one_robot(snr: Snr, recorded_run: Path, here: Path) -> None:
+    older, other = (shutil.copytree(recorded_run, here / "runs" / name) for name in ("older", "other"))
+    trace, robot = other / FILE_NAME, read_trace(other / FILE_NAME).header.robot
+    trace.write_bytes(trace.read_bytes().replace(f'"robot":"{robot}"'.encode(), b'"robot":"another"', 1))
+    os.utime(older / FILE_NAME, ns=(1, 1))
+    os.utime(trace, ns=(2, 2))
+    assert f"the newest run but that: {Path('runs') / 'older'}\n" in snr("compare").err
+    shutil.rmtree(older)
+    answer = snr("compare")
+    assert answer.status == 2
+    assert f"No run was named, and there is no other of the robot '{robot}' in runs/." in answer.err
+
+
 def test_verbs_without_any_run_report_how_to_make_one(snr: Snr, here: Path) -> None:
     for verb in ("trace", "replay", "resim", "view", "compare"):
         answer = snr(verb)

@@ -186,7 +186,8 @@ MAKING_TASKS = PILOT.replace("import Endpoint, EndpointFactory", "import Endpoin
 @pytest.mark.parametrize(
     ("made", "what"),
     [
-        ("tasks.event(5)", "A task has the name 5, which is not text."),
+        ("tasks.event(5)", "An event's name is 5, which is not text."),
+        ("Task(TaskType.event, 5)", "A task has the name 5, which is not text."),
         ("Task('event', 'go')", "A task has the type 'event'."),
         ("Task(TaskType.event, 'go', None)", "The task event 'go' carries None, which is not a list."),
         ("Task(TaskType.store_page, 'x')", "The task store_page 'x' carries no page."),
@@ -267,7 +268,7 @@ MAKING_LOOP = LOOP.replace("import Loop, LoopFactory", "import Loop, LoopFactory
 @pytest.mark.parametrize(
     ("step", "line", "what"),
     [
-        ("self.schedule(tasks.event(5))", "self.schedule(tasks.event(5))", "A task has the name 5"),
+        ("self.schedule(tasks.event(5))", "self.schedule(tasks.event(5))", "An event's name is 5"),
         ("return Task(TaskType.store_page, 'x', [5])", "def loop(self):", "A store_page task carries 5"),
         ("return [tasks.event('go')] * 1001", "def loop(self):", "'counter' has made 1001 tasks in one call"),
         ("[self.schedule(tasks.event('go')) for _ in range(1001)]", "def loop(self):", "'counter' has made 1002 tasks"),

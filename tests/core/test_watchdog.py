@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, SimRunner, SynchronousRunner, Task, TaskType, TestRunner, tasks
-from snr_sim.core import watchdog
+from snr_sim.core import lockstep, watchdog
 from snr_sim.core.interrupts import LastResort
 from snr_sim.core.standstill import SLOW_CHECKS
-from snr_sim.core.watchdog import CHECK_PERIOD_S, SAMPLES, Watchdog
+from snr_sim.core.watchdog import CHECK_PERIOD_S, SAMPLES, UNENDED_AFTER_S, Unended, Watchdog
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SnrError
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.program import program_header
@@ -381,3 +381,43 @@ def test_run_continues_without_watchdog_thread(error: Exception, monkeypatch: py
     with Watchdog([node]):
         node.begin()
     node.end()
+
+
+def test_role_that_runs_on_after_another_has_ended_is_named_once() -> None:
+    def begin(part: Any) -> None:
+        part.schedule(tasks.terminate("done"))
+
+    config = Config(factories={"pilot": [FunctionEndpointFactory({}, "end", begin=begin)], "robot": []})
+    clock = SimClock()
+    nodes = [Node(role, config, clock=clock) for role in config.factories]
+    check = Unended(nodes)
+    assert check.check(0.0) is None
+    for node in nodes:
+        node.begin()
+        node.run_ready()
+    assert [check.check(time_s) for time_s in (100.0, 100.0 + UNENDED_AFTER_S - 0.1)] == [None, None]
+    report = check.check(100.0 + UNENDED_AFTER_S)
+    assert report is not None
+    assert "Role 'pilot' has ended, and 'robot' still runs, now at t = 0 s" in report
+    assert "until_s" in report
+    assert check.check(1000.0) is None
+    nodes[1].set_terminate_flag("done")
+    nodes[1].run_ready()
+    assert Unended(nodes).check(2000.0) is None
+
+
+@pytest.mark.parametrize(
+    ("limits", "is_endless"), [({}, True), ({"until_s": 1.0}, False), ({"pace": 1000.0}, False)], ids=str
+)
+def test_only_a_run_without_time_limit_is_checked_for_its_end(
+    limits: dict[str, float], is_endless: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = []
+
+    def make(nodes: Any, *, is_endless: bool) -> Watchdog:
+        given.append(is_endless)
+        return Watchdog(nodes, is_endless=is_endless)
+
+    monkeypatch.setattr(lockstep, "Watchdog", make)
+    SimRunner(Config(factories={"a": [], "b": []}), **limits).run()
+    assert given == [is_endless]

@@ -2,6 +2,8 @@
 
 import errno
 import json
+import threading
+import time
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -9,9 +11,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim import Config, ListReplayerFactory, Node, Page, PageReader, RecorderEndpointFactory, SimClock, SNRTestCase
+from snr_sim import (
+    Config,
+    ListReplayerFactory,
+    Node,
+    Page,
+    PageReader,
+    RecorderEndpointFactory,
+    SimClock,
+    SNRTestCase,
+    tasks,
+)
 from snr_sim.core.lockstep import LockStep
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
+from snr_sim.recording import page_recorder
 from snr_sim.testing.function_components import FunctionLoopFactory
 
 case = SNRTestCase()
@@ -146,6 +159,61 @@ def test_full_disk_ends_recording_only(tmp_path: Path, monkeypatch: pytest.Monke
     assert len(file.read_bytes()) == 150
     record(file, [4])
     assert [page.data for page in PageReader(file)] == [1, 4]
+
+
+class HangingDisk(FileIO):
+    """A file on a disk that answers only once it is allowed to."""
+
+    may_answer = threading.Event()
+
+    def write(self, data: Any) -> int:
+        self.may_answer.wait()
+        return super().write(data)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("at_most", [0, page_recorder.MAX_UNWRITTEN_BYTES], ids=["seen in the run", "seen at the end"])
+def test_disk_that_hangs_delays_no_handler_on_the_wall_clock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_most: int
+) -> None:
+    file = tmp_path / "x.jsonl"
+    monkeypatch.setattr(page_recorder, "MAX_UNWRITTEN_BYTES", at_most)
+    monkeypatch.setattr(page_recorder, "CLOSE_TIMEOUT_S", 0.1)
+    monkeypatch.setattr(HangingDisk, "may_answer", threading.Event())
+    numbers = iter(range(5))
+
+    def send(loop: Any) -> None:
+        number = next(numbers, None)
+        loop.schedule(tasks.terminate("done") if number is None else loop.store_data_task("x", number))
+
+    config = Config(factories={"test": [RecorderEndpointFactory(file, "x"), FunctionLoopFactory(send, rate_hz=100)]})
+    node = Node("test", config)
+    with monkeypatch.context() as context:
+        context.setattr(Path, "open", lambda path, mode, buffering: HangingDisk(path, mode))
+        begun_s = time.monotonic()
+        node.loop()
+    assert time.monotonic() - begun_s < 5.0
+    assert node.get_data("x") == 4
+    assert len(node.notes) == 1
+    assert "the disk is too slow, or does not answer" in node.notes[0]
+    HangingDisk.may_answer.set()
+    (thread,) = (one for one in threading.enumerate() if one.name == "page-recorder")
+    thread.join(10.0)
+    assert not thread.is_alive()
+
+
+@pytest.mark.slow
+def test_on_the_wall_clock_every_page_is_in_the_file_at_the_end(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    numbers = iter(range(100))
+
+    def send(loop: Any) -> None:
+        number = next(numbers, None)
+        loop.schedule(tasks.finish("done") if number is None else loop.store_data_task("x", number))
+
+    config = Config(factories={"test": [RecorderEndpointFactory(file, "x"), FunctionLoopFactory(send, rate_hz=1000)]})
+    Node("test", config).loop()
+    assert [page.data for page in PageReader(file)] == list(range(100))
 
 
 def test_a_replay_writes_nothing(tmp_path: Path) -> None:
