@@ -10,9 +10,7 @@ size. What is found is printed and kept, with its seed. The ordinary suite runs 
 from __future__ import annotations
 
 import argparse
-import functools
 import io
-import json
 import random
 import sys
 import tempfile
@@ -66,9 +64,9 @@ from snr_sim.view.picture import draw_run
 from snr_sim.view.view import view_of
 from snr_sim.web.messages import decode_from_page
 from snr_sim.web.timeline import RecordedTimeline
+from tests.slowness import slowness
 
 MAX_CPU_S_PER_100_KB = 0.1  # times are those of an AMD EPYC
-JSON_S = 0.1  # CPU time of 100 000 calls of json.loads there, by its ratio to a computer that was measured
 MIN_CPU_S = 0.05  # an input of any size may take this long: the first calls fill caches
 MAX_MEMORY_FACTOR = 30.0  # an empty list is three bytes of JSON and 56 of memory
 MIN_MEMORY_BYTES = 4 << 20
@@ -386,18 +384,6 @@ def short_trace(data: bytes, lines: int = 60) -> bytes:
 
 
 # -- trial ------------------------------------------------------------------------------------------------------------
-
-
-@functools.cache
-def slowness() -> float:
-    """Return the factor by which this computer is slower than the EPYC."""
-    used = []
-    for _ in range(3):
-        begun_s = time.thread_time()
-        for _ in range(100_000):
-            json.loads(b"0")
-        used.append(time.thread_time() - begun_s)
-    return max(1.0, min(used) / JSON_S)
 
 
 def fault_of(parser: Parser, data: bytes, is_measured: bool) -> str:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from snr_sim.behaviors import Interpreter, Program, ProgramError, draw, parse
 from snr_sim.behaviors.reader import MAX_CHARACTERS, MAX_PROBLEMS, read
-from tests.fuzz_parsers import slowness
+from tests.slowness import slowness
 
 MS = 1_000_000
 PARTS = {"range": frozenset({"read"}), "light": frozenset({"start", "stop"})}
