@@ -13,11 +13,11 @@ import pytest
 from snr_sim.behaviors.language import parse
 from snr_sim.grading.lab.lab import Case, find_lab
 from snr_sim.grading.lab.student import Student
-from snr_sim.scenario.machine_edits import changes_again, write
+from snr_sim.scenario.machine_edits import write
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
 from tests.assignments.live_programming.mistakes import MISTAKES
-from tests.assignments.live_programming.record import edits, record
+from tests.assignments.live_programming.record import caught_edits, record
 
 LAB = "12_live_programming"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
@@ -98,11 +98,7 @@ def test_recorded_edits_are_those_of_the_reference(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("warm_children")
 def test_edited_run_that_stays_caught_gets_half_of_the_points(tmp_path: Path) -> None:
-    found = edits()
-    trap, broken, *_ = found.texts
-    caught = replace(found, texts=[trap, broken, trap.replace("[25]", "[26]"), trap.replace("[25]", "[24]"), trap])
-    write(caught, tmp_path / "edits")
-    write(replace(caught, changes=changes_again(caught, tmp_path / "edits" / "0.lrp")), tmp_path / "edits")
+    write(caught_edits(), tmp_path / "edits")
     checks = {one.name: one for one in find_lab(LAB).checks}
     with Student(tmp_path) as student:
         verdict = checks["replays"].evaluate(student, Case(None, is_visible=True))
