@@ -16,13 +16,14 @@ from dataclasses import dataclass, field
 from functools import cache
 from numbers import Integral, Real
 from types import NoneType, UnionType
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.wrench import AXES
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 GRAMS = {"grams": 1e-3}
 MILLIMETRES = {"millimetres": 1e-3, "centimetres": 1e-2}
@@ -280,6 +281,8 @@ def check_members(what: str, value: Any, kind: type) -> None:
 
 def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.float64]:
     """Return a symmetric matrix with a row and a column of finite numbers for each axis; an error names the entry."""
+    import numpy as np  # here: see `lander/gear.py`
+
     if isinstance(rows, np.ndarray):
         rows = rows.tolist()
     n = len(axes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -159,15 +159,17 @@ def _check_values(path: Path, records: list[Record]) -> None:
     for record in records:
         if isinstance(record, (ErrorRecord, LogLineRecord)) and record.cause >= record.seq:
             raise _damaged(f"{path}: the cause of record {record.seq} does not come before it.")
-        if any(bytes(values)[:1] != b"[" for values in _values_in(record)):
-            raise _damaged(f"{path}: record {record.seq} has values that are not a list.")
+        for values in _values_in(record):
+            if bytes(values)[:1] != b"[":
+                raise _damaged(f"{path}: record {record.seq} has values that are not a list.")
 
 
-def _values_in(record: Record) -> Iterator[msgspec.Raw]:
-    """Yield the values of every task that a record contains."""
+def _values_in(record: Record) -> Sequence[msgspec.Raw]:
+    """Return the values of every task that a record contains."""
     if isinstance(record, InputRecord):
-        yield record.values
-    elif isinstance(record, Executed):
-        yield from (task.values for by in record.handled for task in by.returned)
-    elif isinstance(record, BeginRecord):
-        yield from (task.values for task in record.returned)
+        return (record.values,)
+    if isinstance(record, Executed):
+        return [task.values for by in record.handled for task in by.returned]
+    if isinstance(record, BeginRecord):
+        return [task.values for task in record.returned]
+    return ()

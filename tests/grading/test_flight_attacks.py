@@ -9,6 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import pytest
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
 from snr_sim.grading.lab.student import Student
+from snr_sim.grading.remote.fork_server import ForkServer
 
 IN_FLIGHT = Path(__file__).parent / "attacks" / "in_flight"
 ATTACKS = sorted(path.stem for path in IN_FLIGHT.glob("*.py") if path.stem != "falling")
@@ -188,13 +190,17 @@ FORGED: list[tuple[str, dict[str, Any] | bytes]] = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("verb", "answer"), FORGED, ids=[f"{verb}-{i}" for i, (verb, _) in enumerate(FORGED)])
 def test_forged_response_is_a_failed_case_and_not_a_grader_error(
-    landing_lab: Path, tmp_path: Path, verb: str, answer: dict[str, Any] | bytes
+    landing_lab: Path,
+    copying: Callable[..., ForkServer],
+    tmp_path: Path,
+    verb: str,
+    answer: dict[str, Any] | bytes,
 ) -> None:
     """A fault of the grader's would be no mark, which is better than none of the points."""
     folder = hand_in(tmp_path, "only_falls")
     is_raw = isinstance(answer, bytes)
     program = FORGER.format(verb=verb, changes={} if is_raw else answer, raw=answer if is_raw else b"")
     (folder / "pilot.py").write_text(program)
-    graded = grade_submission(load_lab(landing_lab / "checks.py"), folder, None, "none")
+    graded = grade_submission(load_lab(landing_lab / "checks.py"), folder, None, "none", fork_server=copying())
     assert (graded.status, graded.points) == ("graded", 0.0), graded.error
     assert len(json.dumps(graded.checks[0].cases[0].error)) < 50_000

@@ -1,5 +1,6 @@
 """What a submission may do wrong: each ends as a failed case with a hint, and the student's own line first."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,10 @@ import pytest
 from snr_sim.grading import Stimulus, Student
 from snr_sim.grading.lab.lab import find_lab
 from snr_sim.grading.lab.verdicts import SubmissionError
+from snr_sim.grading.remote.fork_server import ForkServer
 from snr_sim.grading.sandbox.sandbox import Limits
+
+Copying = Callable[..., ForkServer]
 
 CONTROLLER = """
 from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Task, TaskType, tasks
@@ -49,10 +53,14 @@ def f(x):
 """
 
 
-def error_of_call(folder: Path, source: str, **limits: int) -> SubmissionError:
+def error_of_call(folder: Path, source: str, copying: Copying | None = None, **limits: int) -> SubmissionError:
     """How a call of `f` in this program ends."""
     (folder / "mine.py").write_text(source)
-    with Student(folder, limits=Limits(**limits)) as student, pytest.raises(SubmissionError) as caught:
+    fork_server = copying and copying(**limits)
+    with (
+        Student(folder, limits=Limits(**limits), fork_server=fork_server) as student,
+        pytest.raises(SubmissionError) as caught,
+    ):
         student.call("mine.py", "f", 1.0, returns=float, budget_s=0.3)
     return caught.value
 
@@ -102,19 +110,21 @@ def error_of_call(folder: Path, source: str, **limits: int) -> SubmissionError:
         ("x" * 2_000_000, "mine.py has more than 1048576 bytes.", "program alone"),
     ],
 )
-def test_function_error_starts_with_the_student_line(source: str, first_line: str, hint: str, tmp_path: Path) -> None:
+def test_function_error_starts_with_the_student_line(
+    source: str, first_line: str, hint: str, copying: Copying, tmp_path: Path
+) -> None:
     (tmp_path / "beside.py").write_text("import subprocess")
     (tmp_path / "package").mkdir()
     (tmp_path / "package" / "inner.py").write_text("import ctypes")
-    wrong = error_of_call(tmp_path, source)
+    wrong = error_of_call(tmp_path, source, copying)
     assert wrong.message.startswith(first_line)
     assert hint in wrong.hint
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("source", ["exit(0)", "def f(x):\n    quit()"])
-def test_exit_in_a_checked_file_says_to_leave_it_out(source: str, tmp_path: Path) -> None:
-    wrong = error_of_call(tmp_path, source)
+def test_exit_in_a_checked_file_says_to_leave_it_out(source: str, copying: Copying, tmp_path: Path) -> None:
+    wrong = error_of_call(tmp_path, source, copying)
     assert (
         "Try: leave it out: a file ends by itself, and a component ends the run with tasks.terminate" in wrong.message
     )
@@ -165,19 +175,22 @@ def test_memory_limit_raises_memory_error_in_the_student_line(tmp_path: Path) ->
         ("import os; os._exit(0)", "It ended with exit status 0 instead of answering."),
     ],
 )
-def test_component_error_ends_the_run_with_its_message(body: str, message: str, tmp_path: Path) -> None:
+def test_component_error_ends_the_run_with_its_message(
+    body: str, message: str, copying: Copying, tmp_path: Path
+) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
+    student = Student(tmp_path, limits=Limits(cpu_s=2), fork_server=copying(cpu_s=2))
     with pytest.raises(SubmissionError) as caught:
-        Student(tmp_path, limits=Limits(cpu_s=2)).run_scenario("lander_vertical", 3, "mine.py")
+        student.run_scenario("lander_vertical", 3, "mine.py")
     assert message in caught.value.message
     assert caught.value.hint
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ends", ["tasks.terminate('won')", "tasks.finish('won')"])
-def test_run_ended_early_by_the_program_raises(ends: str, tmp_path: Path) -> None:
+def test_run_ended_early_by_the_program_raises(ends: str, copying: Copying, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", f"return {ends}"))
-    student = Student(tmp_path)
+    student = Student(tmp_path, fork_server=copying())
     with pytest.raises(SubmissionError, match=r"Your program ended the run at 0\.\d\d s") as flying:
         student.run_scenario("lander_vertical", 3, "mine.py")
     pages = [Stimulus(0.1 * i, "radar", {"altitude_m": 1.0}) for i in range(5)]
@@ -230,10 +243,10 @@ def test_malformed_response_raises_even_with_may_fail(tmp_path: Path) -> None:
         (CONTROLLER + "\nOPTIONS = 3", "OPTIONS is 3, not a dict"),
     ],
 )
-def test_invalid_controller_raises_with_its_reason(source: str, message: str, tmp_path: Path) -> None:
+def test_invalid_controller_raises_with_its_reason(source: str, message: str, copying: Copying, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(source.replace("BODY", "return None"))
     with pytest.raises(SubmissionError) as caught:
-        Student(tmp_path).run_scenario("lander_vertical", 3, "mine.py")
+        Student(tmp_path, fork_server=copying()).run_scenario("lander_vertical", 3, "mine.py")
     assert message in caught.value.message
     assert ", line " in caught.value.message or "line named" not in caught.value.hint
 

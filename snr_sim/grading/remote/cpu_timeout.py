@@ -15,6 +15,9 @@ from pathlib import Path
 END_TIMEOUT_S = 2.0
 POLL_PERIOD_S = 0.5  # so often, and no oftener, it is looked at whether a process that does not answer is working
 _MAX_IDLE_POLLS = 6  # consecutive checks without CPU time used
+# A program that has just printed was interrupted by the grader's reading it, above all on the core that they share
+# (`batch/workers.py`): it is not asleep then, and is looked at again, so often, until this time is over.
+_AGAIN_PERIOD_S, _AGAIN_S = 0.02, 0.1
 _SLACK_S = 2.0
 _TICKS_HZ = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 0  # of /proc, which Windows has not
 
@@ -38,6 +41,7 @@ class CpuTimeout:
         self._first_s: float | None = None
         self._cpu_time_s = 0.0
         self.is_cpu_used_up: bool = False  # whether its CPU time was used up
+        self.poll_period_s: float = POLL_PERIOD_S  # time until `is_over` should be asked again
 
     def is_over(self) -> bool:
         """Check again, unless the last check was just now; return whether waiting longer is useless."""
@@ -46,8 +50,12 @@ class CpuTimeout:
             return True
         if now_s < self._next_poll_s:
             return False
-        self._next_poll_s = now_s + 0.9 * POLL_PERIOD_S
         state = process_state(self._pid)
+        if state is not None and not state[0] and now_s < self._next_poll_s + _AGAIN_S:
+            self.poll_period_s = _AGAIN_PERIOD_S
+            return False
+        self.poll_period_s = POLL_PERIOD_S
+        self._next_poll_s = now_s + 0.9 * POLL_PERIOD_S
         if state is None:
             return False
         is_asleep, cpu_time_s = state

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from queue import Empty
 
-from snr_sim.grading.remote.cpu_timeout import POLL_PERIOD_S, CpuTimeout
+from snr_sim.grading.remote.cpu_timeout import CpuTimeout
 from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.remote.student_process import CHUNK, StudentProcess
@@ -50,7 +50,7 @@ class PipedProcess(StudentProcess):
     def _receive_some(self, timeout: CpuTimeout) -> bytes:
         while True:
             try:
-                return self._answers.get(POLL_PERIOD_S)
+                return self._answers.get(timeout.poll_period_s)
             except Empty:
                 self._check_timeout(timeout)
             finally:

@@ -18,7 +18,7 @@ from typing import Any
 
 from snr_sim.grading.lab.verdicts import GraderError, SubmissionError
 from snr_sim.grading.remote import protocol
-from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, POLL_PERIOD_S, CpuTimeout, process_state, wait_for_hangup
+from snr_sim.grading.remote.cpu_timeout import END_TIMEOUT_S, CpuTimeout, process_state, wait_for_hangup
 from snr_sim.grading.remote.fork_server import ForkedChild, ForkServer
 from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.remote.sent_code import code_to_send
@@ -198,7 +198,7 @@ class StudentProcess:
             self._event = event
             self._poll.modify(self._socket, event)
         while True:
-            ready = self._poll.poll(POLL_PERIOD_S * 1000.0)
+            ready = self._poll.poll(timeout.poll_period_s * 1000.0)
             if len(ready) == 1 and ready[0][0] == self._line:
                 return
             for fd, events in ready:

@@ -29,7 +29,10 @@ def coriolis(mass: Array, nu: Array) -> Array:
     """Return the skew-symmetric C of a 6 x 6 mass matrix."""
     linear = mass[:3, :3] @ nu[:3] + mass[:3, 3:] @ nu[3:]
     angular = mass[3:, :3] @ nu[:3] + mass[3:, 3:] @ nu[3:]
-    return np.block([[np.zeros((3, 3)), -cross(linear)], [-cross(linear), -cross(angular)]])
+    c = np.zeros((6, 6))  # np.block takes 30 us, and this is called 64 000 times
+    c[:3, 3:] = c[3:, :3] = -cross(linear)
+    c[3:, 3:] = -cross(angular)
+    return c
 
 
 def rotation(q: Array) -> Array:
@@ -59,8 +62,10 @@ class Fossen:
         self.added = vehicle.added_mass
         self.linear = np.diag(vehicle.linear_damping)
         self.quadratic = np.array(vehicle.quadratic_damping)
-        self.weight, self.buoyancy = mass * gravity_mps2, density_kgm3 * gravity_mps2 * vehicle.volume_m3
-        self.centre, self.middle = np.array(vehicle.centre_of_mass_m), np.array(vehicle.centre_of_buoyancy_m)
+        weight, buoyancy = mass * gravity_mps2, density_kgm3 * gravity_mps2 * vehicle.volume_m3
+        middle = cross(np.array(vehicle.centre_of_buoyancy_m))
+        # Force and moment of weight and buoyancy, by the direction that is up.
+        self.restoring = np.vstack([(buoyancy - weight) * np.eye(3), buoyancy * middle - weight * place])
         self.current = np.zeros(3) if current is None else np.array(current)
         self.inverse = np.linalg.inv(self.rigid + self.added)
 
@@ -70,14 +75,8 @@ class Fossen:
         turn = rotation(q)
         flow = turn.T @ self.current
         nu_r = nu - np.concatenate([flow, np.zeros(3)])
-        flow_rate = np.concatenate([-np.cross(nu[3:], flow), np.zeros(3)])
-        up = turn.T @ np.array([0.0, 0.0, 1.0])
-        restoring = np.concatenate(
-            [
-                (self.buoyancy - self.weight) * up,
-                np.cross(self.middle, self.buoyancy * up) - np.cross(self.centre, self.weight * up),
-            ]
-        )
+        flow_rate = np.concatenate([cross(flow) @ nu[3:], np.zeros(3)])
+        restoring = self.restoring @ turn[2]  # up is the third row: what the world's z is in the body
         damping = self.linear + np.diag(self.quadratic * np.abs(nu_r))
         force = wrench + restoring - coriolis(self.rigid, nu) @ nu - coriolis(self.added, nu_r) @ nu_r
         nu_rate = self.inverse @ (force - damping @ nu_r + self.added @ flow_rate)
