@@ -221,7 +221,8 @@ def check_bounds(raw: bytes) -> None:
     shape = raw.translate(_SHAPE)
     if shape.find(_LONG_RUN) >= 0 and _has_long_int(raw):
         raise _too_long()
-    if len(raw) > _MIN_EXPONENTS_BYTES and shape.count(b"e000") > MAX_LONG_EXPONENTS:
+    # Of lists of numbers, counting one character takes a fifth of the time of counting four, and usually suffices.
+    if len(raw) > _MIN_EXPONENTS_BYTES and shape.count(b"e") > MAX_LONG_EXPONENTS < shape.count(b"e000"):
         check_exponents(raw)
     if len(raw) > 2 * MAX_DEPTH and shape.count(b"[") > MAX_DEPTH and _is_too_deep(raw):
         raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="send a flatter value.")

@@ -280,8 +280,8 @@ class SimSelector(selectors.SelectSelector):
         open_now = network.open
         ready = [
             (key, events)
-            for descriptor, (key, sock, wanted) in self.known.items()
-            if open_now.get(descriptor) is sock and (events := wanted & sock.ready)
+            for descriptor, (key, sock, requested) in self.known.items()
+            if open_now.get(descriptor) is sock and (events := requested & sock.ready)
         ]
         if len(ready) > 1:
             network.rng.shuffle(ready)
