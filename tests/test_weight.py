@@ -30,7 +30,7 @@ MAX_LINES = {
     "robots": 4290,
     "scenarios": 1740,
     "assignments": 8500,
-    "tests": 87400,
+    "tests": 87600,
     "snr_sim/grading/sandbox": 800,
 }
 
