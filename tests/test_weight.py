@@ -9,16 +9,16 @@ ROOT = Path(__file__).parents[1]
 MAX_LINES = {
     "snr_sim": 78470,
     "snr_sim/behaviors": 8960,
-    "snr_sim/cli": 4100,
+    "snr_sim/cli": 4115,
     "snr_sim/console": 1920,
-    "snr_sim/core": 8850,
+    "snr_sim/core": 8940,
     "snr_sim/devices": 7340,
     "snr_sim/grading": 7310,
     "snr_sim/learning": 4030,
     "snr_sim/links": 5420,
     "snr_sim/plants": 8350,
     "snr_sim/prelude": 2780,
-    "snr_sim/recording": 4710,
+    "snr_sim/recording": 4740,
     "snr_sim/scenario": 3890,
     "snr_sim/schemas": 120,
     "snr_sim/std_mods": 870,
@@ -30,7 +30,7 @@ MAX_LINES = {
     "robots": 4290,
     "scenarios": 1740,
     "assignments": 8500,
-    "tests": 87200,
+    "tests": 87600,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -76,11 +76,12 @@ def stereo_distances(left: Any, right: Any, baseline_m: float, field_of_view_rad
 
 def _box_filtered(values: Any, size: int) -> Any:
     """Return the mean over squares, times their area: integers, so exact in any order."""
-    padded = np.pad(values, size // 2, mode="edge")
-    rows = np.cumsum(np.pad(padded, ((1, 0), (0, 0))), axis=0)
-    rows = rows[size:] - rows[:-size]
-    columns = np.cumsum(np.pad(rows, ((0, 0), (1, 0))), axis=1)
-    return columns[:, size:] - columns[:, :-size]
+    height, width = values.shape
+    reach = size // 2
+    rows = values.take(np.arange(-reach, height + reach), axis=0, mode="clip")  # beyond an edge as at the edge
+    rows = sum(rows[i : i + height] for i in range(size))
+    columns = rows.take(np.arange(-reach, width + reach), axis=1, mode="clip")
+    return sum(columns[:, i : i + width] for i in range(size))
 
 
 def _refined(costs: Any, best: int) -> float:

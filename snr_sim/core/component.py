@@ -160,8 +160,10 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
             msg, args = self._text_of(level, msg, args), ()
         if level >= logging.INFO:
             self._component.parent.record_text(self._component.name, logging.getLevelName(level), f"{msg}\n")
-            if type(msg) is str:
-                msg = visible(msg)  # part of a peer's page, perhaps, and for a terminal
+        if not self.isEnabledFor(level):
+            return
+        if level >= logging.INFO and type(msg) is str:
+            msg = visible(msg)  # part of a peer's page, perhaps, and for a terminal
         options["stacklevel"] = options.get("stacklevel", 1) + 1
         super().log(level, msg, *args, **options)
 

@@ -25,7 +25,7 @@ import inspect
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import FunctionType, MethodType
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Never, TypeVar
 
 from snr_sim.core.component import NodeComponent, declared_key, from_page
 from snr_sim.core.factory import ComponentFactory, FactoryOfClass
@@ -141,7 +141,7 @@ class _Handled:
 
 
 def handles(
-    page: DataKey | type | None = None, *more: object, event: str | None = None, task: bool = False
+    page: DataKey | type | None = None, *more: Never, event: str | None = None, task: bool = False
 ) -> Callable[[Method], Method]:
     """Make a method of an endpoint the handler of a page or of an event.
 

@@ -36,6 +36,7 @@ MAX_DEPTH = 100  # of nested objects and lists, including the message
 MAX_LONG_EXPONENTS = 1000  # a lidar may report 360 times "nothing" as the largest float
 # One character for all digits and signs, one kind of brackets for both.
 _SHAPE = bytes.maketrans(b"123456789+-{}E", b"00000000000[]e")
+_MIN_EXPONENTS_BYTES = 5 * MAX_LONG_EXPONENTS  # fewer bytes cannot contain more of them
 _LONG_EXPONENT = re.compile(rb"[eE][+-]?[0-9]{3}")
 _LONG_RUN = b"0" * len(str(-MIN_INT))  # fewer digits are always within the limits
 _LONG_INT = re.compile(rb"(?<![0-9.eE+-])-?[0-9]{%d,}(?![0-9.eE])" % len(_LONG_RUN))
@@ -220,7 +221,8 @@ def check_bounds(raw: bytes) -> None:
     shape = raw.translate(_SHAPE)
     if shape.find(_LONG_RUN) >= 0 and _has_long_int(raw):
         raise _too_long()
-    if shape.count(b"e000") > MAX_LONG_EXPONENTS:
+    # Of lists of numbers, counting one character takes a fifth of the time of counting four, and usually suffices.
+    if len(raw) > _MIN_EXPONENTS_BYTES and shape.count(b"e") > MAX_LONG_EXPONENTS < shape.count(b"e000"):
         check_exponents(raw)
     if len(raw) > 2 * MAX_DEPTH and shape.count(b"[") > MAX_DEPTH and _is_too_deep(raw):
         raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="send a flatter value.")
@@ -260,7 +262,7 @@ def _has_long_int(raw: bytes) -> bool:
 
 def check_exponents(raw: bytes) -> None:
     """Raise ValueEncodingError if JSON has so many numbers with long exponents that it takes long to decode."""
-    if len(raw) > 5 * MAX_LONG_EXPONENTS and len(_LONG_EXPONENT.findall(without_texts(raw))) > MAX_LONG_EXPONENTS:
+    if len(raw) > _MIN_EXPONENTS_BYTES and len(_LONG_EXPONENT.findall(without_texts(raw))) > MAX_LONG_EXPONENTS:
         raise ValueEncodingError(
             f"More than {MAX_LONG_EXPONENTS} numbers are beyond 1e99 or below 1e-99.", fix="send them as a numpy array."
         )

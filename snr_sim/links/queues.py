@@ -30,10 +30,10 @@ class SendQueue(Generic[Frame]):
         self.dropped: int = 0
         self.waiting_bytes: int = 0
         self._max_bytes = max_bytes
-        self._frames: deque[Frame] = deque()
+        self.frames: deque[Frame] = deque()  # that wait; for others to look at, which takes less time than a call
 
     def __len__(self) -> int:
-        return len(self._frames)
+        return len(self.frames)
 
     def put(self, frame: Frame) -> None:
         """Add a frame; a full queue drops it, or the oldest ones.
@@ -44,22 +44,22 @@ class SendQueue(Generic[Frame]):
         >>> queue.take(), queue.dropped
         ([b'b', b'c'], 1)
         """
-        while self._frames and not self._has_room_for(frame):
+        while self.frames and not self._has_room_for(frame):
             if self.policy == "refuse":
                 self._drop(frame)
                 return
-            oldest = self._frames.popleft()
+            oldest = self.frames.popleft()
             self.waiting_bytes -= len(oldest)
             self._drop(oldest)
-        self._frames.append(frame)
+        self.frames.append(frame)
         self.waiting_bytes += len(frame)
 
     def take(self, max_bytes: int | None = None) -> list[Frame]:
         """Remove and return the oldest frames: at least one if any waits, and about `max_bytes` at most."""
         frames: list[Frame] = []
         taken_bytes = 0
-        while self._frames and (max_bytes is None or taken_bytes < max_bytes):
-            frames.append(self._frames.popleft())
+        while self.frames and (max_bytes is None or taken_bytes < max_bytes):
+            frames.append(self.frames.popleft())
             taken_bytes += len(frames[-1])
         self.waiting_bytes -= taken_bytes
         return frames
@@ -68,7 +68,7 @@ class SendQueue(Generic[Frame]):
         self.dropped += 1
 
     def _has_room_for(self, frame: Frame) -> bool:
-        return len(self._frames) < self.max_pages and self.waiting_bytes + len(frame) <= self._max_bytes
+        return len(self.frames) < self.max_pages and self.waiting_bytes + len(frame) <= self._max_bytes
 
 
 class FairQueue(Generic[Frame]):

@@ -43,6 +43,7 @@ class StreamPeer(Peer):
         self.descriptor: int = port.fileno()  # kept: a closed port has none, and `select` does not forget it by itself
         self.failure: str = ""  # error of the port, if any
         self.bug: Exception | None = None  # the exception, if our own code failed and not the port
+        self.is_open: bool = True  # until its port is closed; only `Streams` sets it
         self.is_admitted: bool = False
         self.is_blocked: bool = False  # the port accepts nothing now
         self.unread_bytes: int = 0  # received since the last page
@@ -64,7 +65,7 @@ class StreamPeer(Peer):
             self._link.transport.wake()
             return
         with self._sending:
-            is_first = not (self._control or len(self._cut_off) or len(self.queue) or self.failure)
+            is_first = not (self._control or len(self._cut_off) or self.queue.frames or self.failure)
             if is_first and self.port.is_shareable and self._link.has_few_tasks() and self._try(frame):
                 return
             self.queue.put(frame)
@@ -125,7 +126,7 @@ class StreamPeer(Peer):
                     return False
                 self._cut_off = memoryview(b"".join(map(self.session.seal, frames)))
             self._cut_off = self._cut_off[self.port.write(self._cut_off) :]
-            return bool(len(self._cut_off) or self._control or len(self.queue))
+            return bool(len(self._cut_off) or self._control or self.queue.frames)
 
     def end_writing(self) -> None:
         """Signal the end of the stream to the peer, once."""
@@ -143,13 +144,13 @@ class StreamPeer(Peer):
     @property
     def has_more(self) -> bool:
         """Whether something still waits to be sent."""
-        return bool(len(self._cut_off) or self._control or len(self.queue) or self._delayed)
+        return bool(self._control or self._delayed or self.queue.frames or len(self._cut_off))
 
     def needs_pump(self, now_s: float) -> bool:
         """Whether there is something to send, or to close."""
-        if self.leaves_s is None:
-            return bool(self.session.wants_attention or self.failure) or self.has_more
-        return bool(self.failure) or now_s >= self.leaves_s or self.has_more
+        if self.failure or self.has_more:
+            return True
+        return self.session.wants_attention if self.leaves_s is None else now_s >= self.leaves_s
 
     @property
     def due_s(self) -> float:

@@ -167,13 +167,13 @@ class Streams(Transport):
 
     def _for(self, stream: StreamPeer, act: Callable[..., object], *args: object) -> None:
         """Act on one stream, if it is still open. An exception closes this stream and no other."""
-        if stream not in self.streams:
+        if not stream.is_open:
             return  # an earlier event of the same `select` has closed it
         try:
             act(stream, *args)
         except Exception as error:
             stream.fail(error)
-            if stream in self.streams:
+            if stream.is_open:
                 self._drop(stream)
 
     def _add_stream(self, port: SocketPort, where: str) -> StreamPeer:
@@ -188,7 +188,7 @@ class Streams(Transport):
         stream.pump(self.now_s())
         if stream.failure or stream.session.is_closed:
             self._end_session(stream)
-        if stream in self.streams:
+        if stream.is_open:
             self._watch(stream)
 
     def _pump_all(self) -> None:
@@ -309,6 +309,7 @@ class Streams(Transport):
                 "%s: %s", stream.where, stream.failure, exc_info=stream.bug if self.link.failures == 1 else None
             )
         self.streams.remove(stream)
+        stream.is_open = False
         self._half_read.pop(stream, None)
         self.link.attempt(partial(self._note_end, stream))
         self.link.attempt(partial(self._watch, stream))
@@ -329,7 +330,7 @@ class Streams(Transport):
 
     def _watch(self, stream: StreamPeer) -> None:
         """Register in `select` the events that this stream needs now."""
-        is_open, is_leaving = stream in self.streams, stream.leaves_s is not None
+        is_open, is_leaving = stream.is_open, stream.leaves_s is not None
         is_read_by_node = is_open and stream.is_admitted and stream.port.is_shareable and not is_leaving
         self._set_read_by_node(stream, is_read_by_node)
         is_read = is_leaving or not (is_read_by_node or (stream.is_admitted and self.link.is_paused))

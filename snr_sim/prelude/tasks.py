@@ -64,7 +64,11 @@ def process_data(key: str) -> Task:
 
 
 def terminate(reason: str) -> Task:
-    """Return the task that ends the node; it overtakes all queued tasks. Raise a TaskError if the reason is no text."""
+    """Return the task that ends the node; it overtakes all queued tasks.
+
+    Raises:
+        TaskError: the reason is not text.
+    """
     _check_text(reason, "The reason to end", 'tasks.terminate("landed")')
     return Task(TaskType.terminate, reason)
 

@@ -13,6 +13,7 @@ from snr_sim.plants.urov.instruments import PoseOutput
 from snr_sim.plants.urov.pool import Gate, Pool
 from snr_sim.plants.urov.urov_2d import Urov2D
 from snr_sim.prelude.errors import ParameterError, SnrError, UnknownNameError
+from snr_sim.prelude.signals import Ball
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant
@@ -198,14 +199,12 @@ def test_pixels_that_a_shape_is_computed_for_are_all_that_show_it(seed: int) -> 
     unit = (attitude / math.sqrt(float((attitude * attitude).sum()))).tolist()
     axes = [rotate_vector(unit, vector) for vector in DIRECTIONS["ahead"]]
     x, y, z = rng.uniform(-1.0, 1.0, 3).tolist()
-    balls = rng.uniform(-2.0, 2.0, (20, 3)).tolist()
+    balls = [Ball((a, b, c), 0.2, (0, 0, 255)) for a, b, c in rng.uniform(-2.0, 2.0, (20, 3)).tolist()]
     pixels = PixelRays((x, y, z), axes, (50, 30), 0.04)
     plain = Rays((x, y, z), pixels.directions, pixels.pixel)
     for rays in (pixels, plain):
         with np.errstate(divide="ignore", invalid="ignore"):
-            intersect_scene(rays, scene)
-            for center in balls:
-                rays.intersect_ball(tuple(center), 0.2, (0, 0, 255))
+            intersect_scene(rays, scene, balls)
     assert np.isfinite(plain.depths).any()
     np.testing.assert_allclose(pixels.depths, plain.depths, rtol=1e-9)
     np.testing.assert_allclose(pixels.colors, plain.colors, rtol=1e-9)

@@ -7,6 +7,7 @@ unregistering it, `send` takes a part, `recv` returns a part, and a connection c
 from __future__ import annotations
 
 import errno
+import functools
 import heapq
 import itertools
 import os
@@ -18,19 +19,25 @@ from typing import Any
 
 import pytest
 
+from snr_sim.core import node
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.loop import Loop
 from snr_sim.core.node_life import NodeLife
+from snr_sim.links import restarting, socket_port, tcp_client
 from snr_sim.links.tcp_client import Connector
 
 BUFFER_BYTES = 4096  # small, so that senders have to wait
 SELECT_S = 1e-4  # duration of a call, so that a loop that spins makes time pass
 HERE = "127.0.0.1"
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
+READ_WRITE = READ | WRITE
+
+
+strerror = functools.cache(os.strerror)
 
 
 def failure(number: int) -> OSError:
-    return OSError(number, os.strerror(number))
+    return OSError(number, strerror(number))
 
 
 class Network:
@@ -38,6 +45,7 @@ class Network:
 
     def __init__(self, seed: int) -> None:
         self.rng = Random(seed)
+        self.nonces = Random(f"nonces {seed}")  # the choices of `rng` do not depend on how many there are
         self.now_s = 0.0
         self.open: dict[int, Any] = {}  # sockets by descriptor
         self.unused = itertools.count(3)  # descriptors that none had yet
@@ -50,11 +58,12 @@ class Network:
         """Replace the computer's network by this one for links."""
         patch.setattr(selectors, "DefaultSelector", lambda: SimSelector(self))
         patch.setattr(socket, "socketpair", self.pair)
-        patch.setattr("snr_sim.links.socket_port.listen", lambda host, port, who: SimListener(self, port))
-        patch.setattr("snr_sim.links.tcp_client.connect", self.connect)
+        patch.setattr(socket_port, "listen", lambda host, port, who: SimListener(self, port))
+        patch.setattr(tcp_client, "connect", self.connect)
         patch.setattr(Connector, "begin", Connector._connect)  # at once, without a thread
-        patch.setattr("snr_sim.links.restarting.Random", lambda: self.rng)
-        patch.setattr("snr_sim.core.node.ThreadExecutor", StepExecutor)
+        patch.setattr(restarting, "Random", lambda: self.rng)
+        patch.setattr(os, "urandom", self.nonces.randbytes)
+        patch.setattr(node, "ThreadExecutor", StepExecutor)
 
     def pass_time(self, time_s: float) -> None:
         """Advance time, and with it what happens in the network by itself."""
@@ -67,9 +76,16 @@ class Network:
 
     def connect(self, host: str, port: int, address: str = HERE) -> SimSocket:
         """Return a connected socket, as `tcp_client.connect` does."""
+        near = self.connect_if_possible(port, address)
+        if near is None:
+            raise failure(errno.ECONNREFUSED)
+        return near
+
+    def connect_if_possible(self, port: int, address: str) -> SimSocket | None:
+        """Return a connected socket; None if the connection is refused."""
         listener = self.listeners.get(port)
         if listener is None or len(listener.waiting) >= 128:
-            raise failure(errno.ECONNREFUSED)
+            return None
         near, far = self.pair(is_accepted=False)  # it gets a descriptor when it is accepted
         listener.waiting.append((far, (address, 40000)))
         return near
@@ -85,13 +101,15 @@ class Descriptor:
             self.acquire()
 
     def acquire(self) -> None:
-        self.descriptor = heapq.heappop(self.network.free) if self.network.free else next(self.network.unused)
-        self.network.open[self.descriptor] = self
+        network = self.network
+        self.descriptor = heapq.heappop(network.free) if network.free else next(network.unused)
+        network.open[self.descriptor] = self
 
     def release(self) -> None:
-        if self.network.open.pop(self.descriptor, None) is not None:
+        if self.descriptor >= 0:
+            del self.network.open[self.descriptor]
             heapq.heappush(self.network.free, self.descriptor)
-        self.descriptor = -1
+            self.descriptor = -1
 
     def fileno(self) -> int:
         return self.descriptor
@@ -106,22 +124,28 @@ class Descriptor:
 class SimSocket(Descriptor):
     """One end of a connection. `bug`, if set, is raised by its next calls: an error of our own code."""
 
+    is_ended = False  # the other end sends no more
+    is_reset = False
+    bug: Exception | None = None
+    far: SimSocket | None = None
+
     def __init__(self, network: Network, is_open: bool = True) -> None:
         super().__init__(network, is_open)
-        self.far: SimSocket | None = None
         self.come = bytearray()
-        self.is_ended = False  # the other end sends no more
-        self.is_reset = False
-        self.bug: Exception | None = None
 
     @property
     def ready(self) -> int:
-        if self.is_reset or self.far is None:
-            return READ | WRITE
-        return (READ if self.come or self.is_ended else 0) | (WRITE if len(self.far.come) < BUFFER_BYTES else 0)
+        far = self.far
+        if far is None or self.is_reset:
+            return READ_WRITE
+        is_writable = len(far.come) < BUFFER_BYTES
+        if self.come or self.is_ended:
+            return READ_WRITE if is_writable else READ
+        return WRITE if is_writable else 0
 
     def part(self, max_bytes: int) -> int:
-        return max_bytes if self.network.rng.random() < 0.6 else self.network.rng.randint(1, max_bytes)
+        rng = self.network.rng
+        return max_bytes if rng.random() < 0.6 else rng.randint(1, max_bytes)
 
     def check(self) -> None:
         if self.bug is not None:
@@ -130,10 +154,12 @@ class SimSocket(Descriptor):
             raise failure(errno.EBADF)
 
     def recv(self, max_bytes: int) -> bytes:
-        self.check()
-        if self.come:
-            data = bytes(self.come[: self.part(min(max_bytes, len(self.come)))])
-            del self.come[: len(data)]
+        if self.bug is not None or self.descriptor < 0:
+            self.check()
+        come = self.come
+        if come:
+            data = bytes(come[: self.part(min(max_bytes, len(come)))])
+            del come[: len(data)]
             return data
         if self.is_reset:
             raise failure(errno.ECONNRESET)
@@ -142,14 +168,16 @@ class SimSocket(Descriptor):
         raise BlockingIOError
 
     def send(self, data: bytes | memoryview) -> int:
-        self.check()
-        if self.is_reset or self.far is None:
+        if self.bug is not None or self.descriptor < 0:
+            self.check()
+        far = self.far
+        if far is None or self.is_reset:
             raise failure(self.network.rng.choice((errno.ECONNRESET, errno.EPIPE)))
-        room = BUFFER_BYTES - len(self.far.come)
+        room, size = BUFFER_BYTES - len(far.come), len(data)
         if room <= 0:
             raise BlockingIOError
-        done = self.part(min(room, len(data)))
-        self.far.come += data[:done]
+        done = self.part(size if size < room else room)
+        far.come += data if done == size else data[:done]
         return done
 
     def shutdown(self, how: int) -> None:
@@ -164,10 +192,12 @@ class SimSocket(Descriptor):
             self.bug, bug = None, self.bug
             self.close()
             raise bug
-        if self.far is not None:
-            self.far.is_ended = True
-            self.far.is_reset = self.far.is_reset or bool(self.come)
-            self.far.far, self.far = None, None
+        far = self.far
+        if far is not None:
+            far.is_ended = True
+            if self.come:
+                far.is_reset = True
+            far.far = self.far = None
         self.release()
 
     def cut(self) -> None:
@@ -228,14 +258,14 @@ class SimSelector(selectors.SelectSelector):
         self.network = network
         self.bug: Exception | None = None
         # The kernel's view, by descriptor: a registration is of a socket, not of a number.
-        self.known: dict[int, tuple[selectors.SelectorKey, Any]] = {}
+        self.known: dict[int, tuple[selectors.SelectorKey, Any, int]] = {}
 
     def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
         key = super().register(fileobj, events, data)
         if key.fd not in self.network.open:
             super().unregister(fileobj)
             raise failure(errno.EBADF)
-        self.known[key.fd] = (key, self.network.open[key.fd])
+        self.known[key.fd] = (key, self.network.open[key.fd], key.events)
         return key
 
     def unregister(self, fileobj: Any) -> selectors.SelectorKey:
@@ -246,16 +276,16 @@ class SimSelector(selectors.SelectSelector):
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         if self.bug is not None:
             raise self.bug
-        open_now = self.network.open
+        network = self.network
+        open_now = network.open
         ready = [
             (key, events)
-            for descriptor, (key, sock) in self.known.items()
-            if open_now.get(descriptor) is sock and (events := key.events & sock.ready)
+            for descriptor, (key, sock, requested) in self.known.items()
+            if open_now.get(descriptor) is sock and (events := requested & sock.ready)
         ]
         if len(ready) > 1:
-            self.network.rng.shuffle(ready)
-        idle_s = min(timeout or 0.0, self.network.max_wait_s)
-        self.network.pass_time(SELECT_S if ready else max(SELECT_S, idle_s))
+            network.rng.shuffle(ready)
+        network.pass_time(SELECT_S if ready or not timeout else max(SELECT_S, min(timeout, network.max_wait_s)))
         return ready
 
 

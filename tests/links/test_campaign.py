@@ -115,8 +115,9 @@ class History:
         self.operator.store_data("stick", SENT[:size])
 
     def connect(self) -> None:
-        with suppress(ConnectionRefusedError):
-            self.attackers.append(self.network.connect(HERE, self.pair.port, "192.0.2.1"))
+        sock = self.network.connect_if_possible(self.pair.port, "192.0.2.1")
+        if sock is not None:
+            self.attackers.append(sock)
 
     def crowd(self) -> None:
         for _ in range(self.rng.randrange(MAX_NEWCOMERS + 10)):

@@ -11,7 +11,15 @@ import msgspec
 import numpy as np
 
 from snr_sim.devices.readings import SensorErrors, SensorLoopFactory, SimSensor
-from snr_sim.devices.sensors.ray_casting import BACKSCATTER_PER_M, NEAREST_M, Image, Point, Rays, intersect_scene
+from snr_sim.devices.sensors.ray_casting import (
+    BACKSCATTER_PER_M,
+    NEAREST_M,
+    Floats,
+    Image,
+    Point,
+    Rays,
+    intersect_scene,
+)
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import Ball
@@ -137,42 +145,43 @@ class PixelRays(Rays):
     """One ray per pixel. `axes` are axis, right and down of the image, world frame; `pixel` is its width, 1 m away."""
 
     def __init__(self, origin_m: Point, axes: Sequence[Point], size_px: tuple[int, int], pixel: float) -> None:
-        self._axes, self._size_px, self.pixel = axes, size_px, pixel
-        rights, downs = ((np.arange(count) - 0.5 * (count - 1)) * pixel for count in size_px)
-        self._rights, self._downs = rights, downs[:, None]
-        whole = slice(None), slice(None)
-        x, y, z = (self.along(unit, whole) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+        self._axes, self._size_px = np.array(axes).T, size_px
+        self._rights, self._downs = ((np.arange(count) - 0.5 * (count - 1)) * pixel for count in size_px)
+        in_columns, in_rows = self.along(np.eye(3))
+        x, y, z = in_columns[:, None, :] + in_rows[:, :, None]
         super().__init__(origin_m, (x, y, z), pixel)
 
-    def along(self, vector: Point, block: tuple[slice, slice]) -> Any:
-        """See `Rays.along`; a sum of three parts, as only one depends on the column, and one on the row."""
-        x, y, z = vector
-        ahead, right, down = [i * x + j * y + k * z for i, j, k in self._axes]
-        rows, columns = block
-        return (ahead + right * self._rights[columns]) + down * self._downs[rows]
-
-    def block_of(self, corners: Sequence[Point], radius_m: float = 0.0) -> tuple[slice, slice] | None:
-        """Return the rows and columns that can show what is between some corners; see `Rays.block_of`."""
-        aheads, rights, downs = [[x * i + y * j + z * k for x, y, z in corners] for i, j, k in self._axes]
+    def grid_size(self) -> tuple[int, int]:
+        """See `Rays.grid_size`."""
         width, height = self._size_px
-        if max(aheads) + radius_m <= NEAREST_M:
-            return None
-        if min(aheads) - radius_m <= NEAREST_M:  # a part that is not in front is nowhere in the image
-            return slice(height), slice(width)
-        rows, columns = self._span(downs, aheads, radius_m, height), self._span(rights, aheads, radius_m, width)
-        return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
+        return height, width
 
-    def _span(self, offsets: list[float], aheads: list[float], radius_m: float, count: int) -> slice:
-        """Return the rows or columns that show balls at offsets from the axis, and what is between."""
-        lows, highs = [], []
-        for offset, ahead in zip(offsets, aheads, strict=True):
-            near, far = ahead - radius_m, ahead + radius_m
-            low, high = offset - radius_m, offset + radius_m
-            lows.append(low / (far if low > 0.0 else near))
-            highs.append(high / (near if high > 0.0 else far))
-        middle = 0.5 * (count - 1)
-        start, stop = min(lows) / self.pixel + middle, max(highs) / self.pixel + middle
-        return slice(max(0, math.floor(start)), min(count, math.ceil(stop) + 1))
+    def along(self, vectors: Floats) -> tuple[Floats, Floats]:
+        """See `Rays.along`; only one part of the sum depends on the column, and one on the row."""
+        aheads, rights, downs = self._in_axes(vectors)[..., None]
+        return aheads + rights * self._rights, downs * self._downs
+
+    def blocks_of(self, corners: Floats, radii_m: Any = 0.0) -> Any:
+        """See `Rays.blocks_of`."""
+        aheads, rights, downs = self._in_axes(corners)
+        offsets = np.array((downs, rights))
+        near, far = aheads - radii_m, aheads + radii_m
+        lows, highs = offsets - radii_m, offsets + radii_m
+        # Of what is in front of the camera; a part that is not is nowhere in the image.
+        starts = (lows / np.where(lows > 0.0, far, near)).min(axis=1) / self.pixel
+        stops = (highs / np.where(highs > 0.0, near, far)).max(axis=1) / self.pixel
+        counts = np.array(self.grid_size())[:, None]
+        middles = 0.5 * (counts - 1)
+        is_near, is_behind = near.min(axis=0) <= NEAREST_M, far.max(axis=0) <= NEAREST_M
+        starts = np.where(is_near, 0, np.maximum(0, np.floor(starts + middles)))
+        stops = np.where(is_near, counts, np.minimum(counts, np.ceil(stops + middles) + 1))
+        return np.concatenate((starts, np.where(is_behind, 0, stops))).astype(int)
+
+    def _in_axes(self, vectors: Floats) -> Floats:
+        """Return vectors of shape (3, ...) by axis, right and down of the image."""
+        i, j, k = self._axes.reshape(3, 3, *[1] * (vectors.ndim - 1))
+        parts: Floats = i * vectors[0] + j * vectors[1] + k * vectors[2]
+        return parts
 
 
 class CameraLoopFactory(SensorLoopFactory):

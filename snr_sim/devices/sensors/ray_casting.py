@@ -39,6 +39,8 @@ _BOX = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1
 class Rays:
     """Rays from one point.
 
+    Shapes are hit in blocks of a grid of rows and columns, which is one row here, and the pixels of a camera's image.
+
     Args:
         origin_m: their origin.
         directions: x, y and z of each ray's direction, all of one shape, world frame; 1 m along a camera's axis.
@@ -53,36 +55,66 @@ class Rays:
         self.lengths: Floats = np.sqrt(x * x + y * y + z * z)
         self.depths: Floats = np.full(x.shape, np.inf)  # of the first hit, along the camera's axis
         self.colors: Floats = np.zeros((*x.shape, 3))
+        # The same in rows and columns: arrays that share their numbers.
+        self._grid = self.grid_size()
+        self._depths, self._colors = self.depths.reshape(self._grid), self.colors.reshape((*self._grid, 3))
 
-    def block_of(self, corners: Sequence[Point], radius_m: float = 0.0) -> Any:
-        """Return the index of the rays that can hit what is between some corners; None if there are none.
+    def grid_size(self) -> tuple[int, int]:
+        """Return the number of rows and of columns."""
+        return 1, self.lengths.size
 
-        Corners are relative to the origin, with a ball of `radius_m` around each of them.
+    def blocks_of(self, corners: Floats, radii_m: Any = 0.0) -> Any:
+        """Return the rays that can hit what is between some corners, for each of N shapes.
+
+        Args:
+            corners: relative to the origin: x, y and z, of the corners of each shape, shape (3, corners, N).
+            radii_m: of a ball around each corner.
+
+        Returns:
+            First row, first column, first row behind, first column behind; integers of shape (4, N).
         """
-        return ...  # all, as they are in no order
+        return np.repeat([[0], [0], [1], [self.lengths.size]], corners.shape[2], axis=1)  # all: they are in no order
 
-    def along(self, vector: Point, block: Any) -> Any:
-        """Return the scalar products of a vector and the directions of a block."""
-        return _dot(self.directions, vector)
+    def along(self, vectors: Floats) -> tuple[Floats, Floats]:
+        """Return the scalar products of vectors and directions, as a part by column and a part by row to be added.
 
-    def intersect_triangle(self, a: Point, b: Point, c: Point, rgb: list[float]) -> None:
-        """Hit a flat triangle from either side."""
-        a, b, c = (_subtract(corner, self.origin_m) for corner in (a, b, c))
-        normal = _cross(_subtract(b, a), _subtract(c, a))
-        square = _dot(normal, normal)
-        block = self.block_of((a, b, c))
-        if square == 0.0 or block is None:
+        `vectors` has the shape (3, ...), and the parts have (..., columns) and (..., rows).
+        """
+        products = _dot(vectors[..., None], [one.reshape(-1) for one in self.directions])
+        return products, np.zeros((*vectors.shape[1:], 1))
+
+    def intersect_triangles(self, triangles: Sequence[tuple[Any, Any, Any]], rgbs: Sequence[list[float]]) -> None:
+        """Hit flat triangles from either side, in turn: corners and color of each."""
+        starts = np.array(triangles, dtype=float).transpose(2, 1, 0) - np.array(self.origin_m)[:, None, None]
+        edges = starts[:, (1, 2, 0)] - starts
+        normals = np.array(_cross(edges[:, 0], starts[:, 2] - starts[:, 0]))
+        squares, blocks = _dot(normals, normals), self.blocks_of(starts)
+        seen = np.flatnonzero((squares != 0.0) & (blocks[:2] < blocks[2:]).all(axis=0))
+        if not len(seen):
             return
-        depths = _dot(a, normal) / self.along(normal, block)
-        first = (depths > NEAREST_M) & (depths < self.depths[block])
-        if not first.any():
-            return
-        for start, end in ((a, b), (b, c), (c, a)):
-            inward = _cross(normal, _subtract(end, start))
-            # The edge is widened a little, so that no ray passes between two neighbours.
-            first &= depths * self.along(inward, block) >= _dot(start, inward) - 1e-9 * square
-        level = abs(normal[2]) / square**0.5
-        self._hit(block, first, depths, [value * (1.0 - STEEP_SHADE * (1.0 - level)) for value in rgb])
+        starts, edges, normals, squares = starts[..., seen], edges[..., seen], normals[:, seen], squares[seen]
+        inwards = np.array(_cross(normals[:, None], edges))
+        # The edge is widened a little, so that no ray passes between two neighbours.
+        limits = (_dot(starts, inwards) - 1e-9 * squares)[:, :, None, None]
+        columns, rows = self.along(np.concatenate((normals[:, None], inwards), axis=1))
+        columns, rows = columns[:, :, None, :], rows[:, :, :, None]
+        tops = _dot(starts[:, 0], normals).tolist()
+        faces = np.full(self._grid, -1)
+        for i, (top, (row, column, end_row, end_column)) in enumerate(
+            zip(tops, blocks[:, seen].T.tolist(), strict=True)
+        ):
+            in_columns, in_rows = columns[:, i, :, column:end_column], rows[:, i, row:end_row]
+            block = slice(row, end_row), slice(column, end_column)
+            before, depths = self._depths[block], top / (in_columns[0] + in_rows[0])
+            first = (depths > NEAREST_M) & (depths < before)
+            if first.any():
+                first &= (depths * (in_columns[1:] + in_rows[1:]) >= limits[:, i]).all(axis=0)
+                np.copyto(before, depths, where=first)
+                np.copyto(faces[block], i, where=first)
+        levels = [abs(up) / square**0.5 for up, square in zip(normals[2].tolist(), squares.tolist(), strict=True)]
+        shades = [1.0 - STEEP_SHADE * (1.0 - level) for level in levels]
+        hit = faces >= 0
+        self._colors[hit] = (np.array(rgbs)[seen] * np.array(shades)[:, None])[faces[hit]]
 
     def intersect_line(self, a: Point, b: Point, radius_m: float, rgb: list[float]) -> None:
         """Hit a round bar. One that is thinner than a pixel is drawn one pixel wide, or it would flicker."""
@@ -91,10 +123,12 @@ class Rays:
         ends = _subtract(a, self.origin_m), _subtract(b, self.origin_m)
         # Half a pixel, and a little more: a bar just between two rows must show in at least one.
         min_reach = 0.505 * self.pixel
-        block = self.block_of(ends, max(radius_m, *(min_reach * _dot(end, end) ** 0.5 for end in ends)))
-        if length2 == 0.0 or block is None:
+        radius = max(radius_m, *(min_reach * _dot(end, end) ** 0.5 for end in ends))
+        (row,), (column,), (end_row,), (end_column,) = self.blocks_of(np.array(ends).T[..., None], radius).tolist()
+        if length2 == 0.0 or row >= end_row or column >= end_column:
             return
-        directions, lengths = [one[block] for one in self.directions], self.lengths[block]
+        block = slice(row, end_row), slice(column, end_column)
+        *directions, lengths = (one.reshape(self._grid)[block] for one in (*self.directions, self.lengths))
         slant, back = _dot(directions, along), _dot(directions, to_origin)
         spread = lengths * lengths * length2 - slant * slant
         fractions = (lengths * lengths * _dot(to_origin, along) - slant * back) / spread
@@ -104,29 +138,37 @@ class Rays:
             e + depths * direction - fractions * u for e, direction, u in zip(to_origin, directions, along, strict=True)
         ]
         reach = np.maximum(radius_m, min_reach * depths * lengths)
-        first = (depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach) & (depths - reach < self.depths[block])
-        self._hit(block, first, depths - reach, rgb)
+        before, hit = self._depths[block], depths - reach
+        first = (depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach) & (hit < before)
+        np.copyto(before, hit, where=first)
+        np.copyto(self._colors[block], rgb, where=first[..., None])
 
-    def intersect_ball(self, center_m: Point, radius_m: float, rgb: Sequence[float]) -> None:
-        """Hit a ball from outside. It is darker on its sides and below."""
-        to_center = _subtract(center_m, self.origin_m)
-        block = self.block_of([to_center], radius_m)
-        if block is None:
-            return
-        lengths = self.lengths[block]
-        slant = self.along(to_center, block) / lengths  # to the point of each ray that is next to the middle
-        half2 = slant * slant + (radius_m * radius_m - _dot(to_center, to_center))  # of the chord, squared
+    def intersect_balls(self, balls: Sequence[Ball]) -> None:
+        """Hit balls from outside. They are darker on their sides and below."""
+        centers = np.array([ball.center_m for ball in balls], dtype=float).T - np.array(self.origin_m)[:, None]
+        radii = np.array([ball.radius_m for ball in balls], dtype=float)
+        row, column, end_row, end_column = self.blocks_of(centers[:, None], radii)
+        # All pairs of a ball and a ray that can hit it: the ball, and the ray's row and column.
+        wide = np.maximum(0, end_column - column)
+        counts = np.maximum(0, end_row - row) * wide
+        ball = np.repeat(np.arange(len(balls)), counts)
+        down, right = np.divmod(np.arange(len(ball)) - np.repeat(np.cumsum(counts) - counts, counts), wide[ball])
+        down, right = down + row[ball], right + column[ball]
+        in_columns, in_rows = self.along(centers)
+        ray = down * self._grid[1] + right
+        lengths = self.lengths.reshape(-1)[ray]
+        slant = (in_columns[ball, right] + in_rows[ball, down]) / lengths  # to a ray's point next to the middle
+        half2 = slant * slant + (radii * radii - _dot(centers, centers))[ball]  # of the chord, squared
         depths = (slant - np.sqrt(half2)) / lengths  # NaN for rays that miss it
-        first = (depths > NEAREST_M) & (depths < self.depths[block])
-        if not first.any():
-            return
-        up = (depths * self.directions[2][block] - to_center[2]) / radius_m  # of the unit vector outwards
+        first = np.flatnonzero((depths > NEAREST_M) & (depths < self.depths.reshape(-1)[ray]))
+        # What is assigned last remains: the nearest, and of several equally near the first ball.
+        first = first[::-1]
+        first = first[np.argsort(-depths[first], kind="stable")]
+        ball, ray, depths = ball[first], ray[first], depths[first]
+        up = (depths * self.directions[2].reshape(-1)[ray] - centers[2][ball]) / radii[ball]  # of the unit normal
         shades = 1.0 - STEEP_SHADE * (1.0 - np.maximum(0.0, up))
-        self._hit(block, first, depths, shades[..., None] * np.array(rgb, dtype=float))
-
-    def _hit(self, block: Any, where: Any, depths: Any, rgb: Any) -> None:
-        np.copyto(self.depths[block], depths, where=where)
-        np.copyto(self.colors[block], rgb, where=where[..., None])
+        self._depths.reshape(-1)[ray] = depths
+        self._colors.reshape(-1, 3)[ray] = shades[:, None] * np.array([one.rgb for one in balls], dtype=float)[ball]
 
     def through_water(self, backscatter_per_m: float = BACKSCATTER_PER_M) -> Image:
         """Return the light at the eye, shape (..., 3), through water with this scattering per metre."""
@@ -154,16 +196,21 @@ class Rays:
 @np.errstate(divide="ignore", invalid="ignore")  # rays parallel to a face
 def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] = ()) -> None:
     """Intersect rays with the shapes of a scene, of the kinds in `prelude/plant.py`, and with balls that move."""
+    triangles: list[tuple[Any, Any, Any]] = []
+    rgbs: list[list[float]] = []
     for shape in statics.values():
         rgb = [float(value) for value in shape["rgb"]]
         if shape["kind"] == "polyline":
             points = shape["points_m"]
+            if triangles:  # in the order of the shapes: of what is equally far, the first is shown
+                rays.intersect_triangles(triangles, rgbs)
+                triangles, rgbs = [], []
             for start, end in pairwise(points):
                 rays.intersect_line(tuple(start), tuple(end), shape["radius_m"], rgb)
-        elif shape["kind"] == "mesh":
-            for i, j, k in shape["triangles"]:
-                a, b, c = (tuple(shape["vertices_m"][corner]) for corner in (i, j, k))
-                rays.intersect_triangle(a, b, c, rgb)
+            continue
+        if shape["kind"] == "mesh":
+            vertices = shape["vertices_m"]
+            triangles += [(vertices[i], vertices[j], vertices[k]) for i, j, k in shape["triangles"]]
         else:
             (x, y, z), (dx, dy, dz) = shape["center_m"], shape["half_size_m"]
             corners = [(x + i * dx, y + j * dy, z + k * dz) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]
@@ -173,10 +220,12 @@ def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] =
                 if not is_turned and any(faces_rays):
                     continue  # behind the others
                 a, b, c, d = (corners[corner] for corner in face)
-                rays.intersect_triangle(a, b, c, rgb)
-                rays.intersect_triangle(a, c, d, rgb)
-    for ball in balls:
-        rays.intersect_ball(ball.center_m, ball.radius_m, ball.rgb)
+                triangles += [(a, b, c), (a, c, d)]
+        rgbs += [rgb] * (len(triangles) - len(rgbs))
+    if triangles:
+        rays.intersect_triangles(triangles, rgbs)
+    if balls:
+        rays.intersect_balls(balls)
 
 
 def attenuate(thickness: Floats) -> Floats:

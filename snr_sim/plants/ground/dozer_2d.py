@@ -80,7 +80,7 @@ class Dozer2D(GroundVehicle[DozerState]):
     @property
     def cleared_share(self) -> float:
         """Share of the stones that are in the pit."""
-        return sum(map(self._soil.is_in_pit, self.stones_m)) / len(self.stones_m)  # exact: integers
+        return self._soil.count_in_pit(self.stones_m) / len(self.stones_m)
 
     def write(self, name: str, command: DozerCommand) -> None:
         """Set the speeds of both tracks, clamped to full speed, and the goal of the blade."""

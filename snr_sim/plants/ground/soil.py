@@ -37,6 +37,11 @@ class Soil:
         """Return whether a stone at a place has fallen into the pit."""
         return place_m[0] > self._heap.edge_m
 
+    def count_in_pit(self, stones: tuple[Point, ...]) -> int:
+        """Return how many stones have fallen into the pit."""
+        edge_m = self._heap.edge_m
+        return len([None for x, _ in stones if x > edge_m])
+
     def push(self, stones: tuple[Point, ...], blade: Point, heading_rad: float) -> tuple[tuple[Point, ...], Push]:
         """Return the stones after a small movement of the blade, and what it feels.
 
@@ -46,8 +51,9 @@ class Soil:
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         # Blade frame: ahead and to the left. Those behind are under the vehicle, and pass between its tracks.
         places: dict[int, Point] = {}
+        edge_m = self._heap.edge_m
         for i, (at_x, at_y) in enumerate(stones):
-            if not self.is_in_pit((at_x, at_y)):
+            if at_x <= edge_m:
                 dx, dy = at_x - x, at_y - y
                 ahead = cos * dx + sin * dy
                 if ahead > -radius:

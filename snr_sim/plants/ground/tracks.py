@@ -101,8 +101,9 @@ class Tracks:
         The last two are by how much the rate that the moment brings about exceeds the given one, and the slope of this.
         """
         speeds, moment, slope = [], 0.0, 0.0
-        for speed, grips in zip(free, (along, self._across), strict=False):
-            kinks = sorted([(goal - arm * turn, arm, limit) for goal, arm, limit in grips])
+        for speed, grips in ((free[0], along), (free[1], self._across)):
+            kinks = [(goal - arm * turn, arm, limit) for goal, arm, limit in grips]
+            kinks.sort()
             for _, _, limit in kinks:
                 speed += limit
             for goal, arm, limit in kinks:  # all of them push forward, until one reaches its goal
