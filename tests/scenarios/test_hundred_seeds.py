@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
 
 SEEDS = range(100)
 
 
-def simulate(scenario: str, controller: str, seed: int, engine: str = "") -> dict[str, Any]:
+def simulate(prepared: Simulation, seed: int) -> dict[str, Any]:
     """Run one start without recording."""
-    simulation = prepare(Request(scenario, seed=seed, controller=controller, engine=engine or None))
+    simulation = prepared.with_seed(seed)
     plant = simulation.plant()
     result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert not result.error
@@ -23,7 +23,8 @@ def simulate(scenario: str, controller: str, seed: int, engine: str = "") -> dic
 
 def outcomes(scenario: str, controller: str, engine: str = "") -> list[dict[str, Any]]:
     """Run all starts. Tests run in several processes, so one test has everything that looks at the same runs."""
-    return [simulate(scenario, controller, seed, engine) for seed in SEEDS]
+    prepared = prepare(Request(scenario, controller=controller, engine=engine or None))
+    return [simulate(prepared, seed) for seed in SEEDS]
 
 
 LANDINGS = [
@@ -39,7 +40,7 @@ LANDINGS = [
 
 @pytest.mark.parametrize(("scenario", "controller"), [landing[:2] for landing in LANDINGS])
 def test_one_seed_lands(scenario: str, controller: str) -> None:
-    assert simulate(scenario, controller, seed=1)["success"]
+    assert simulate(prepare(Request(scenario, controller=controller)), seed=1)["success"]
 
 
 def assert_fuel_is_near_optimum(runs: list[dict[str, Any]]) -> None:
