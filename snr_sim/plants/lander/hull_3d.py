@@ -10,6 +10,7 @@ The ground is the line of `terrain.py`, extruded sideways.
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -87,8 +88,7 @@ class Hull3D:
     def update(self) -> None:
         """Work out where everything is, and what touches; raise a PlantError if the state is not finite."""
         self.coordinates, self.motion = self._qpos.tolist(), self._qvel.tolist()
-        total = ordered_sum(self.coordinates) + ordered_sum(self.motion)
-        if total - total != 0.0:
+        if not math.isfinite(math.hypot(*self.coordinates, *self.motion)):
             self._world.check_finite()
         self._begin_step(self._model, self._data)
         self.axes, self.contacts = self._xmat.tolist(), frozenset()
@@ -107,8 +107,7 @@ class Hull3D:
 
         One that is not finite raises a PlantError here, because MuJoCo would write a log file.
         """
-        total = ordered_sum(force) + ordered_sum(torque)
-        if total - total != 0.0:
+        if not math.isfinite(math.hypot(*force, *torque)):
             raise PlantError(
                 f"At {self._data.time:g} s the force on the module is {force} N, the torque {torque} N m.",
                 fix="look at the module's numbers: a thrust or a couple that is infinite, a mass of 0?",
