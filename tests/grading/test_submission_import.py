@@ -8,6 +8,7 @@ import stat
 import struct
 import subprocess
 import sys
+import tempfile
 import tracemalloc
 import warnings
 import zipfile
@@ -288,16 +289,28 @@ def test_hostile_name_stays_inside_or_is_rejected(tmp_path_factory: pytest.TempP
     try_name(tmp_path_factory.mktemp("name"), name)
 
 
+@pytest.fixture
+def folder_in_memory(tmp_path: Path) -> Iterator[Path]:
+    """A folder in memory, where there is one: a journal on a disk takes two thirds of the CPU time of small files."""
+    memory = Path("/dev/shm")
+    if not (memory.is_dir() and os.access(memory, os.W_OK)):
+        yield tmp_path
+        return
+    with tempfile.TemporaryDirectory(dir=memory) as folder:
+        yield Path(folder)
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", range(10))
-def test_hostile_names_stay_inside_or_are_rejected(tmp_path: Path, seed: int) -> None:
+def test_hostile_names_stay_inside_or_are_rejected(folder_in_memory: Path, seed: int) -> None:
     rng = random.Random(seed)
     for number in range(10_000):
         parts = [rng.choice(NAME_PARTS) if rng.random() < 0.5 else random_part(rng) for _ in range(rng.randrange(10))]
         name = rng.choice(SEPARATORS).join(parts)
-        (tmp_path / str(number)).mkdir()
-        try_name(tmp_path / str(number), name)
-        shutil.rmtree(tmp_path / str(number))
+        box = folder_in_memory / str(number)
+        box.mkdir()
+        try_name(box, name)
+        shutil.rmtree(box)
 
 
 def random_part(rng: random.Random) -> str:
@@ -320,8 +333,8 @@ def try_name(box: Path, name: str) -> None:
         file = Path(box, "ada", *parts)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.open("xb").close()
+    before = everything_around(box, name)
     for submission in (archive, box / "ada"):
-        before = everything_around(box, name)
         (box / "place").mkdir()
         try:
             place = import_submission(submission, REQUIRED_FILES, box / "place" / "private")

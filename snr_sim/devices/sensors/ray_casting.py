@@ -11,8 +11,10 @@ far.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,6 +25,11 @@ from snr_sim.prelude.signals import Ball
 Floats: TypeAlias = npt.NDArray[np.float64]
 Image: TypeAlias = npt.NDArray[np.uint8]
 Point: TypeAlias = tuple[float, float, float]
+Triangle: TypeAlias = tuple[int, Sequence[Point], list[float]]  # number of its shape, corners, color
+Line: TypeAlias = tuple[int, Sequence[Point], float, list[float]]  # number of its shape, ends, radius [m], color
+Block: TypeAlias = tuple[slice, slice]  # rows and columns
+# Number, block, color, and a function that returns depths and where they are the first, of what can be seen.
+InView: TypeAlias = tuple[int, Block, list[float], Callable[[Block, Floats], tuple[Floats, Any] | None]]
 
 # Absorption of red, green and blue light in pure water per metre: at 650, 550 and 450 nm. Source: Pope and Fry, Applied
 # Optics 36 (1997). Light travels down to the object, and then to the camera.
@@ -83,65 +90,85 @@ class Rays:
         products = _dot(vectors[..., None], [one.reshape(-1) for one in self.directions])
         return products, np.zeros((*vectors.shape[1:], 1))
 
-    def intersect_triangles(self, triangles: Sequence[tuple[Any, Any, Any]], rgbs: Sequence[list[float]]) -> None:
-        """Hit flat triangles from either side, in turn: corners and color of each."""
-        starts = np.array(triangles, dtype=float).transpose(2, 1, 0) - np.array(self.origin_m)[:, None, None]
+    def intersect_shapes(self, triangles: Sequence[Triangle], lines: Sequence[Line]) -> None:
+        """Hit shapes; of those that are equally far, the one with the lowest number is seen."""
+        in_view = [*self._triangles_in_view(triangles), *self._lines_in_view(lines)]
+        in_view.sort(key=itemgetter(0))
+        faces = np.full(self._grid, -1)
+        for i, (_, block, _, hit) in enumerate(in_view):
+            before = self._depths[block]
+            found = hit(block, before)
+            if found is not None:
+                depths, first = found
+                np.copyto(before, depths, where=first)
+                np.copyto(faces[block], i, where=first)
+        seen = faces >= 0
+        if seen.any():
+            self._colors[seen] = np.array([rgb for _, _, rgb, _ in in_view])[faces[seen]]
+
+    def _triangles_in_view(self, triangles: Sequence[Triangle]) -> Iterator[InView]:
+        """Yield the flat triangles that can be seen, from either side."""
+        if not triangles:
+            return
+        starts = self._from_origin([corners for _, corners, _ in triangles])
         edges = starts[:, (1, 2, 0)] - starts
         normals = np.array(_cross(edges[:, 0], starts[:, 2] - starts[:, 0]))
         squares, blocks = _dot(normals, normals), self.blocks_of(starts)
         seen = np.flatnonzero((squares != 0.0) & (blocks[:2] < blocks[2:]).all(axis=0))
-        if not len(seen):
-            return
         starts, edges, normals, squares = starts[..., seen], edges[..., seen], normals[:, seen], squares[seen]
         inwards = np.array(_cross(normals[:, None], edges))
         # The edge is widened a little, so that no ray passes between two neighbours.
         limits = (_dot(starts, inwards) - 1e-9 * squares)[:, :, None, None]
         columns, rows = self.along(np.concatenate((normals[:, None], inwards), axis=1))
         columns, rows = columns[:, :, None, :], rows[:, :, :, None]
-        tops = _dot(starts[:, 0], normals).tolist()
-        faces = np.full(self._grid, -1)
-        for i, (top, (row, column, end_row, end_column)) in enumerate(
-            zip(tops, blocks[:, seen].T.tolist(), strict=True)
-        ):
-            in_columns, in_rows = columns[:, i, :, column:end_column], rows[:, i, row:end_row]
-            block = slice(row, end_row), slice(column, end_column)
-            before, depths = self._depths[block], top / (in_columns[0] + in_rows[0])
-            first = (depths > NEAREST_M) & (depths < before)
-            if first.any():
-                first &= (depths * (in_columns[1:] + in_rows[1:]) >= limits[:, i]).all(axis=0)
-                np.copyto(before, depths, where=first)
-                np.copyto(faces[block], i, where=first)
-        levels = [abs(up) / square**0.5 for up, square in zip(normals[2].tolist(), squares.tolist(), strict=True)]
-        shades = [1.0 - STEEP_SHADE * (1.0 - level) for level in levels]
-        hit = faces >= 0
-        self._colors[hit] = (np.array(rgbs)[seen] * np.array(shades)[:, None])[faces[hit]]
+        tops, ups, squares = _dot(starts[:, 0], normals).tolist(), normals[2].tolist(), squares.tolist()
+        for i, block in enumerate(_slices(blocks[:, seen])):
+            number, _, rgb = triangles[seen[i]]
+            level = abs(ups[i]) / squares[i] ** 0.5
+            shaded = [value * (1.0 - STEEP_SHADE * (1.0 - level)) for value in rgb]
+            yield number, block, shaded, partial(_hit_triangle, columns[:, i], rows[:, i], tops[i], limits[:, i])
 
-    def intersect_line(self, a: Point, b: Point, radius_m: float, rgb: list[float]) -> None:
-        """Hit a round bar. One that is thinner than a pixel is drawn one pixel wide, or it would flicker."""
-        along, to_origin = _subtract(b, a), _subtract(self.origin_m, a)
-        length2 = _dot(along, along)
-        ends = _subtract(a, self.origin_m), _subtract(b, self.origin_m)
+    def _lines_in_view(self, lines: Sequence[Line]) -> Iterator[InView]:
+        """Yield the round bars that can be seen. One thinner than a pixel is one pixel wide, or it would flicker."""
+        if not lines:
+            return
+        ends = self._from_origin([points for _, points, _, _ in lines])
         # Half a pixel, and a little more: a bar just between two rows must show in at least one.
         min_reach = 0.505 * self.pixel
-        radius = max(radius_m, *(min_reach * _dot(end, end) ** 0.5 for end in ends))
-        (row,), (column,), (end_row,), (end_column,) = self.blocks_of(np.array(ends).T[..., None], radius).tolist()
-        if length2 == 0.0 or row >= end_row or column >= end_column:
-            return
-        block = slice(row, end_row), slice(column, end_column)
+        reaches = np.maximum(
+            [radius_m for _, _, radius_m, _ in lines], min_reach * np.sqrt(_dot(ends, ends)).max(axis=0)
+        )
+        blocks = self.blocks_of(ends, reaches)
+        seen = np.flatnonzero((blocks[:2] < blocks[2:]).all(axis=0))
+        for i, block in zip(seen.tolist(), _slices(blocks[:, seen]), strict=True):
+            number, (a, b), radius_m, rgb = lines[i]
+            yield number, block, rgb, partial(self._hit_line, a, b, radius_m, min_reach)
+
+    def _from_origin(self, points: Sequence[Sequence[Point]]) -> Floats:
+        """Return x, y and z of N shapes' corners relative to the origin, shape (3, corners, N)."""
+        places: Floats = np.array(points, dtype=float).transpose(2, 1, 0) - np.array(self.origin_m)[:, None, None]
+        return places
+
+    def _hit_line(
+        self, a: Point, b: Point, radius_m: float, min_reach: float, block: Block, before: Floats
+    ) -> tuple[Floats, Any] | None:
+        along, to_origin = _subtract(b, a), _subtract(self.origin_m, a)
+        length2 = _dot(along, along)
+        if length2 == 0.0:
+            return None
         *directions, lengths = (one.reshape(self._grid)[block] for one in (*self.directions, self.lengths))
         slant, back = _dot(directions, along), _dot(directions, to_origin)
-        spread = lengths * lengths * length2 - slant * slant
-        fractions = (lengths * lengths * _dot(to_origin, along) - slant * back) / spread
-        fractions = np.clip(np.where(spread > 0.0, fractions, 0.0), 0.0, 1.0)
-        depths = (fractions * slant - back) / (lengths * lengths)
+        squares = lengths * lengths
+        spread = squares * length2 - slant * slant
+        fractions = (squares * _dot(to_origin, along) - slant * back) / spread
+        fractions = np.minimum(np.maximum(np.where(spread > 0.0, fractions, 0.0), 0.0), 1.0)
+        depths = (fractions * slant - back) / squares
         gaps = [
             e + depths * direction - fractions * u for e, direction, u in zip(to_origin, directions, along, strict=True)
         ]
         reach = np.maximum(radius_m, min_reach * depths * lengths)
-        before, hit = self._depths[block], depths - reach
-        first = (depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach) & (hit < before)
-        np.copyto(before, hit, where=first)
-        np.copyto(self._colors[block], rgb, where=first[..., None])
+        hit = depths - reach
+        return hit, (depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach) & (hit < before)
 
     def intersect_balls(self, balls: Sequence[Ball]) -> None:
         """Hit balls from outside. They are darker on their sides and below."""
@@ -196,21 +223,15 @@ class Rays:
 @np.errstate(divide="ignore", invalid="ignore")  # rays parallel to a face
 def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] = ()) -> None:
     """Intersect rays with the shapes of a scene, of the kinds in `prelude/plant.py`, and with balls that move."""
-    triangles: list[tuple[Any, Any, Any]] = []
-    rgbs: list[list[float]] = []
-    for shape in statics.values():
+    triangles: list[Triangle] = []
+    lines: list[Line] = []
+    for number, shape in enumerate(statics.values()):
         rgb = [float(value) for value in shape["rgb"]]
         if shape["kind"] == "polyline":
-            points = shape["points_m"]
-            if triangles:  # in the order of the shapes: of what is equally far, the first is shown
-                rays.intersect_triangles(triangles, rgbs)
-                triangles, rgbs = [], []
-            for start, end in pairwise(points):
-                rays.intersect_line(tuple(start), tuple(end), shape["radius_m"], rgb)
-            continue
-        if shape["kind"] == "mesh":
+            lines += [(number, ends, shape["radius_m"], rgb) for ends in pairwise(shape["points_m"])]
+        elif shape["kind"] == "mesh":
             vertices = shape["vertices_m"]
-            triangles += [(vertices[i], vertices[j], vertices[k]) for i, j, k in shape["triangles"]]
+            triangles += [(number, (vertices[i], vertices[j], vertices[k]), rgb) for i, j, k in shape["triangles"]]
         else:
             (x, y, z), (dx, dy, dz) = shape["center_m"], shape["half_size_m"]
             corners = [(x + i * dx, y + j * dy, z + k * dz) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]
@@ -220,12 +241,26 @@ def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] =
                 if not is_turned and any(faces_rays):
                     continue  # behind the others
                 a, b, c, d = (corners[corner] for corner in face)
-                triangles += [(a, b, c), (a, c, d)]
-        rgbs += [rgb] * (len(triangles) - len(rgbs))
-    if triangles:
-        rays.intersect_triangles(triangles, rgbs)
+                triangles += [(number, (a, b, c), rgb), (number, (a, c, d), rgb)]
+    rays.intersect_shapes(triangles, lines)
     if balls:
         rays.intersect_balls(balls)
+
+
+def _slices(blocks: Any) -> list[Block]:
+    return [(slice(row, end), slice(column, right)) for row, column, end, right in blocks.T.tolist()]
+
+
+def _hit_triangle(
+    in_columns: Floats, in_rows: Floats, top: float, limits: Floats, block: Block, before: Floats
+) -> tuple[Floats, Any] | None:
+    in_columns, in_rows = in_columns[..., block[1]], in_rows[:, block[0]]
+    depths = top / (in_columns[0] + in_rows[0])
+    first = (depths > NEAREST_M) & (depths < before)
+    if not first.any():
+        return None
+    first &= (depths * (in_columns[1:] + in_rows[1:]) >= limits).all(axis=0)
+    return depths, first
 
 
 def attenuate(thickness: Floats) -> Floats:
