@@ -79,9 +79,9 @@ def _box_filtered(values: Any, size: int) -> Any:
     height, width = values.shape
     reach = size // 2
     rows = values.take(np.arange(-reach, height + reach), axis=0, mode="clip")  # beyond an edge as at the edge
-    rows = sum(rows[i : i + height] for i in range(size))
+    rows = sum(rows[i : i + height] for i in range(size))  # exact: integers
     columns = rows.take(np.arange(-reach, width + reach), axis=1, mode="clip")
-    return sum(columns[:, i : i + width] for i in range(size))
+    return sum(columns[:, i : i + width] for i in range(size))  # exact: integers
 
 
 def _refined(costs: Any, best: int) -> float:
