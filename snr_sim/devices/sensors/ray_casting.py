@@ -171,7 +171,7 @@ class Rays:
         return hit, (depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach) & (hit < before)
 
     def intersect_balls(self, balls: Sequence[Ball]) -> None:
-        """Hit balls from outside. They are darker on their sides and below."""
+        """Hit balls from outside, after the shapes. They are darker on their sides and below."""
         centers = np.array([ball.center_m for ball in balls], dtype=float).T - np.array(self.origin_m)[:, None]
         radii = np.array([ball.radius_m for ball in balls], dtype=float)
         row, column, end_row, end_column = self.blocks_of(centers[:, None], radii)
