@@ -196,8 +196,8 @@ def test_disk_that_hangs_delays_no_handler_on_the_wall_clock(
     assert node.get_data("x") == 4
     assert len(node.notes) == 1
     assert "the disk is too slow, or does not answer" in node.notes[0]
-    HangingDisk.may_answer.set()
     (thread,) = (one for one in threading.enumerate() if one.name == "page-recorder")
+    HangingDisk.may_answer.set()
     thread.join(10.0)
     assert not thread.is_alive()
 
