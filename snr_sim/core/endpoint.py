@@ -160,12 +160,13 @@ def handles(
     """
     if isinstance(page, FunctionType):
         raise ConfigError(f"@handles above {page.__name__} does not name a page or an event.", fix=_USAGE)
-    given: Any = page  # anything, whatever the annotation says
-    if more or isinstance(given, (list, tuple, set, frozenset)):
-        each = [_shown(one) for one in (*(given if not isinstance(given, (str, type)) else [given]), *more)]
+    whole: Any = page  # anything, whatever the annotation says
+    named = [*(whole if isinstance(whole, (list, tuple, set, frozenset)) else [whole]), *more]
+    if named != [whole]:
+        each = " and below it ".join(f"@handles({_shown(one)})" for one in named)
         raise ConfigError(
-            f"@handles({', '.join(map(_shown, [page, *more]))}) does not name one page.",
-            fix=f"write one for each: {' and below it '.join(f'@handles({one})' for one in each)}.",
+            f"@handles({', '.join(map(_shown, [whole, *more]))}) does not name one page.",
+            fix=f"write one for each: {each}." if named else _USAGE,
         )
     for given in (page, event):
         if isinstance(given, TaskType):

@@ -280,6 +280,9 @@ def _generator() -> Any:
         (lambda: handles(3), "3 is neither the key of a page nor a class"),  # type: ignore[arg-type]
         (lambda: handles(dict), "dict is neither the key of a page nor a class that declares one"),
         (lambda: handles(event=3), "an event's name is text"),  # type: ignore[arg-type]
+        (lambda: handles(None, "radar"), r"@handles\(None, 'radar'\) does not name one page"),  # type: ignore[arg-type]
+        (lambda: handles(3, 4), r"@handles\(3, 4\) does not name one page"),  # type: ignore[arg-type]
+        (lambda: handles([]), r"@handles\(\[\]\) does not name one page"),  # type: ignore[arg-type]
         (_two_arguments, r"on_radar, the handler of process_data 'radar', takes \(self.*called with \(self, data\)"),
         (_no_argument, r"def on_go\(self, task\)"),
         (_generator, "is a generator function"),
