@@ -14,11 +14,16 @@ import pytest
 from gymnasium.wrappers import NormalizeReward, RecordEpisodeStatistics
 
 from snr_sim.learning.gym import COMPATIBLE, ENVIRONMENTS
+from tests.lanes import slow
 
 every_environment = pytest.mark.parametrize("name", [*ENVIRONMENTS, COMPATIBLE])
-either_way = pytest.mark.parametrize(
-    "duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deepcopy", "pickle"]
-)
+
+
+def pickled(env: Any) -> Any:
+    return pickle.loads(pickle.dumps(env))
+
+
+either_way = pytest.mark.parametrize("duplicate", [copy.deepcopy, pickled])
 
 
 def seen(env: Any, steps: int) -> list[Any]:
@@ -33,8 +38,10 @@ def seen(env: Any, steps: int) -> list[Any]:
     return recorded
 
 
-@either_way
-@pytest.mark.parametrize("is_wrapped", [True, False], ids=["wrapped", "unwrapped"])
+@pytest.mark.parametrize(
+    ("is_wrapped", "duplicate"),
+    [(True, copy.deepcopy), (False, pickled), slow(True, pickled), slow(False, copy.deepcopy)],
+)
 @every_environment
 def test_copy_in_mid_episode_continues_as_original(
     name: str, is_wrapped: bool, duplicate: Callable[[Any], Any]

@@ -9,6 +9,7 @@ import pytest
 
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.urov_envs import EFFORT_WEIGHT, Rate
+from tests.lanes import slow
 
 
 def made(name: str) -> Any:
@@ -57,9 +58,9 @@ def station_keeper() -> Any:
     ("name", "policy_of", "start"),
     [
         ("UrovDepthHold", depth_holder, 0),
-        ("UrovDepthHold", depth_holder, 9),
-        ("UrovStation", station_keeper, 0),
+        slow("UrovDepthHold", depth_holder, 9),
         ("UrovStation", station_keeper, 9),
+        slow("UrovStation", station_keeper, 0),
     ],
 )
 def test_observation_suffices_to_meet_scenario_criterion(name: str, policy_of: Any, start: int) -> None:
@@ -68,7 +69,7 @@ def test_observation_suffices_to_meet_scenario_criterion(name: str, policy_of: A
     assert (info["outcome"], info["success"]) == ("held", True)
 
 
-@pytest.mark.parametrize("name", ["UrovDepthHold", "UrovStation"])
+@pytest.mark.parametrize("name", ["UrovDepthHold", slow("UrovStation")])
 def test_zero_action_fails_criterion_with_negative_return(name: str) -> None:
     env = made(name)
     total, info = run_episode(env, lambda seen: np.zeros(env.action_space.shape), 0)

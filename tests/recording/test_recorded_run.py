@@ -13,6 +13,7 @@ from snr_sim.recording.records import InputRecord
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, run_recorded
+from tests.lanes import slow
 
 
 def record_run(folder: Path, scenario: str, **request: Any) -> tuple[RunResult, Trace]:
@@ -28,7 +29,7 @@ def sensor_pages(trace: Trace) -> list[tuple[float, str, bytes]]:
     ]
 
 
-@pytest.mark.parametrize(("scenario", "sensors"), [("lander_pad", 2), ("urov_heading_hold", 5)])
+@pytest.mark.parametrize(("scenario", "sensors"), [("lander_pad", 2), slow("urov_heading_hold", 5)])
 def test_sensors_return_recorded_pages_byte_for_byte(tmp_path: Path, scenario: str, sensors: int) -> None:
     (tmp_path / "then").mkdir()
     (tmp_path / "now").mkdir()

@@ -21,12 +21,12 @@ from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import run_recorded
+from tests.lanes import slow
 
 DIGESTS = Path(__file__).with_name("digests.json")
 WRITTEN: dict[str, Any] = json.loads(DIGESTS.read_text(encoding="utf-8"))
 SEEDS = (0, 1, 2)
-# Of dives, which take a second of CPU time each: one that ends at the surface, and one with a load.
-FAST = ("urov_link_loss mujoco 0", "urov_tank mujoco 0")
+FAST = "urov_tank mujoco 0"  # of dives, which take a second of CPU time each
 # What computes part of a run outside Python: another version may round differently.
 PACKAGES = ("mujoco-core", "pymunk")
 MAX_BYTES_PER_S = 125_000  # of a dive: 5 MB for 40 s; each value is in its trace once
@@ -81,9 +81,11 @@ def differing_packages(written: dict[str, str]) -> str:
 
 def in_its_lane(run: str) -> Any:
     """Return a run with its lane: a scenario's last seed is tried at night, unless all of them are quick."""
-    if run.startswith("lander") or run in FAST:
+    if run.startswith("lander"):
+        return run if run.endswith(f" {SEEDS[0]}") else slow(run)
+    if run == FAST:
         return run
-    return pytest.param(run, marks=pytest.mark.nightly if run.endswith(f" {SEEDS[-1]}") else pytest.mark.slow)
+    return pytest.param(run, marks=pytest.mark.nightly) if run.endswith(f" {SEEDS[-1]}") else slow(run)
 
 
 # The runs of the file, as `runs` reads all robots and scenarios, whichever tests are run.

@@ -13,6 +13,7 @@ from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 from snr_sim.scenario.simulation_run import RunResult, run_recorded
+from tests.lanes import slow
 
 ENGINES = ("pymunk", "mujoco")
 
@@ -33,7 +34,7 @@ def pages(trace: Trace) -> Mapping[str, set[str]]:
     }
 
 
-@pytest.mark.parametrize("scenario", ["lander_pad", "lander_rough"])
+@pytest.mark.parametrize("scenario", ["lander_pad", slow("lander_rough")])
 def test_both_engines_give_same_pages_and_land(scenario: str, tmp_path: Path) -> None:
     for seed in range(3):
         runs = [record(tmp_path / engine / str(seed), scenario, engine, seed)[1:] for engine in ENGINES]
