@@ -22,6 +22,8 @@ from snr_sim.scenario.machine_controller import bridge_of
 from snr_sim.scenario.machine_lag import lag_of
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, SimulationRun, run_recorded
+from tests.lanes import slow
+from tests.scenarios.recorded import fly
 
 RecordScenario: TypeAlias = Callable[..., Any]
 ROOMS = ("dora_room", "dora_corners", "dora_people")
@@ -54,18 +56,26 @@ def test_own_programs_are_found() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scenario", "seeds"),
+    "flown",
     [
-        ("dora_room", range(1)),
-        pytest.param("dora_corners", range(2), marks=pytest.mark.slow),
-        pytest.param("dora_people", range(2), marks=pytest.mark.slow),
-        pytest.param("dora_room", range(20), marks=[pytest.mark.slow, pytest.mark.nightly]),
-        pytest.param("dora_corners", range(20), marks=[pytest.mark.slow, pytest.mark.nightly]),
-        pytest.param("dora_people", range(20), marks=[pytest.mark.slow, pytest.mark.nightly]),
+        "dora_room pymunk 0",
+        slow("dora_corners pymunk 0"),
+        slow("dora_corners pymunk 1"),
+        slow("dora_people pymunk 0"),
+        slow("dora_people pymunk 1"),
     ],
 )
-def test_rooms_are_explored(scenario: str, seeds: range) -> None:
-    results = [run(scenario, seed) for seed in seeds]
+def test_room_is_explored(flown: str, tmp_path: Path) -> None:
+    result = fly(flown, tmp_path)
+    assert result.success, result.notes
+    assert result.metrics["seen_share"] > 0.9
+    assert result.metrics["way_m"] > 20.0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("scenario", ROOMS)
+def test_room_is_explored_from_every_start(scenario: str) -> None:
+    results = [run(scenario, seed) for seed in range(20)]
     assert [(one.outcome, one.error, one.notes) for one in results if not one.success] == []
     assert all(one.metrics["seen_share"] > 0.9 for one in results)
     assert all(one.metrics["way_m"] > 20.0 for one in results)

@@ -7,7 +7,6 @@ criterion. After a change that is meant to alter runs, renew them and say so in 
 """
 
 import json
-import platform
 import sys
 import tempfile
 from importlib.metadata import version
@@ -16,23 +15,32 @@ from typing import Any
 
 import pytest
 
-from snr_sim.recording.folder import records_digest
-from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, prepare
-from snr_sim.scenario.simulation_run import run_recorded
 from tests.lanes import slow
+from tests.scenarios.recorded import DIGESTS, PACKAGES, REFERENCE, WRITTEN, differing_platform, fly, fly_and_digest
 
-DIGESTS = Path(__file__).with_name("digests.json")
-WRITTEN: dict[str, Any] = json.loads(DIGESTS.read_text(encoding="utf-8"))
 SEEDS = (0, 1, 2)
-FAST = "urov_tank mujoco 0"  # of dives, which take a second of CPU time each
-# What computes part of a run outside Python: another version may round differently.
-PACKAGES = ("mujoco-core", "pymunk")
-MAX_BYTES_PER_S = 125_000  # of a dive: 5 MB for 40 s; each value is in its trace once
-REFERENCE = "Linux on x86_64 with glibc and a processor with FMA"
-MACHINES = ("x86_64", "aarch64")
-DIFFERENT_ON_ARM = ("lander_pad mujoco", "lander_rough mujoco")
+# Other tests fly these, and look at more: there is no need to fly them twice before the night.
+ELSEWHERE = {
+    "urov_depth_hold mujoco 1": "scenarios/test_urov.py",
+    "urov_heading_hold mujoco 1": "scenarios/test_urov.py",
+    "urov_link_loss mujoco 1": "scenarios/test_urov.py",
+    "urov_thruster_failure mujoco 2": "scenarios/test_urov.py",
+    "urov_leak mujoco 1": "scenarios/test_urov.py",
+    "urov_station_keeping mujoco 1": "scenarios/test_urov.py",
+    "urov_gate mujoco 2": "scenarios/test_urov.py",
+    "urov_bad_link mujoco 1": "scenarios/test_urov.py",
+    "urov_bad_link mujoco 2": "scenarios/test_urov.py",
+    "urov_sticks mujoco 1": "scenarios/test_urov.py",
+    "urov_tank mujoco 1": "scenarios/test_urov.py",
+    "urov_teleop mujoco 1": "scenarios/test_urov.py",
+    "dora_room pymunk 0": "robots/test_dora.py",
+    "dora_corners pymunk 0": "robots/test_dora.py",
+    "dora_corners pymunk 1": "robots/test_dora.py",
+    "dora_people pymunk 0": "robots/test_dora.py",
+    "dora_people pymunk 1": "robots/test_dora.py",
+}
 
 
 def runs() -> list[str]:
@@ -45,47 +53,12 @@ def runs() -> list[str]:
     ]
 
 
-def digest_of(run: str, folder: Path) -> str:
-    """Simulate a run and return the digest of its records, without opening and header."""
-    scenario, engine, seed = run.split()
-    result = run_recorded(prepare(Request(scenario, int(seed), engine)), folder / FILE_NAME)
-    assert (result.error, result.outcome == "interrupted") == ("", False)  # a signal ends a run, and not `--write`
-    if scenario.startswith("urov"):
-        assert result.success, result.notes
-        assert (folder / FILE_NAME).stat().st_size <= MAX_BYTES_PER_S * result.sim_time_s
-    return records_digest(folder / FILE_NAME)
-
-
-def differing_platform(run: str) -> str:
-    """Return why this computer may round differently than the one that wrote the digests; empty if it may not.
-
-    The C library computes sin, exp and the like; glibc has versions with and without FMA, and both differ from those of
-    other libraries. On ARM, MuJoCo's own code for bodies with joints uses FMA, and on x86-64 it does not
-    (docs/hardware.md); a vehicle of one body, as in dives, comes out the same.
-    """
-    machine = platform.machine()
-    if platform.system() != "Linux" or machine not in MACHINES or platform.libc_ver()[0] != "glibc":
-        return f"{platform.system()} on {machine}, {platform.libc_ver()[0] or 'not glibc'}"
-    if machine == "x86_64" and " fma " not in Path("/proc/cpuinfo").read_text(encoding="utf-8").replace("\n", " "):
-        return "a processor without FMA"
-    if machine == "aarch64" and run.startswith(DIFFERENT_ON_ARM):
-        return "aarch64, where MuJoCo rounds differently"
-    return ""
-
-
-def differing_packages(written: dict[str, str]) -> str:
-    """Return which packages have other versions than those that the digests were written with; empty if none."""
-    pairs = [(name, then, version(name)) for name, then in written.items()]
-    return ", ".join(f"{name} {now}, not {then}" for name, then, now in pairs if now != then)
-
-
 def in_its_lane(run: str) -> Any:
-    """Return a run with its lane: a scenario's last seed is tried at night, unless all of them are quick."""
-    if run.startswith("lander"):
-        return run if run.endswith(f" {SEEDS[0]}") else slow(run)
-    if run == FAST:
-        return run
-    return pytest.param(run, marks=pytest.mark.nightly) if run.endswith(f" {SEEDS[-1]}") else slow(run)
+    """Return a run with its lane: landings are quick; of others, a scenario's last seed is tried at night."""
+    is_first, is_last = run.endswith(f" {SEEDS[0]}"), run.endswith(f" {SEEDS[-1]}")
+    if run in ELSEWHERE or (is_last and not run.startswith("lander")):
+        return pytest.param(run, marks=pytest.mark.nightly)
+    return run if run.startswith("lander") and is_first else slow(run)
 
 
 # The runs of the file, as `runs` reads all robots and scenarios, whichever tests are run.
@@ -93,17 +66,13 @@ def in_its_lane(run: str) -> Any:
 def test_run_keeps_recorded_digest(run: str, tmp_path: Path) -> None:
     if differs := differing_platform(run):
         pytest.skip(f"digests.json is of {REFERENCE}; this is {differs}")
-    digest = digest_of(run, tmp_path)
-    if digest == WRITTEN["digests"].get(run):
-        return
-    scenario, engine, seed = run.split()
-    pytest.fail(
-        f"{scenario} on {engine} with seed {seed} has the digest {digest}, and in {DIGESTS.name} "
-        f"{WRITTEN['digests'].get(run, 'none')}. Python {platform.python_version()}; packages: "
-        f"{differing_packages(WRITTEN['packages']) or 'as then'}. Find the first difference: `snr compare` of this run "
-        "and of one before the change. If it is meant: python tests/scenarios/test_digests.py --write",
-        pytrace=False,
-    )
+    fly(run, tmp_path)
+
+
+@pytest.mark.parametrize("file", sorted(set(ELSEWHERE.values())))
+def test_runs_of_other_files_are_flown_there(file: str) -> None:
+    text = (Path(__file__).parents[1] / file).read_text(encoding="utf-8")
+    assert [run for run, where in ELSEWHERE.items() if where == file and f'"{run}"' not in text] == []
 
 
 def test_digests_cover_all_runs() -> None:
@@ -117,7 +86,7 @@ def write() -> None:
         if differs := differing_platform(run):
             sys.exit(f"Digests are written on {REFERENCE}; this is {differs}.")
         with tempfile.TemporaryDirectory() as folder:
-            digests[run] = digest_of(run, Path(folder))
+            _, digests[run] = fly_and_digest(run, Path(folder))
     packages = {name: version(name) for name in PACKAGES}
     DIGESTS.write_text(json.dumps({"packages": packages, "digests": digests}, indent=1) + "\n", encoding="utf-8")
 
