@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from snr_sim.core.config import MAX_TASKS_PER_MOMENT, Config
 from snr_sim.scenario.simulation_run import SimulationRun
 from tests.cli.student_mistakes import COMMAND, GENTLE, MISTAKES, WATCHED, Mistake, in_flight
 
@@ -28,6 +29,12 @@ def _show_where_a_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
         return run(self, *args)
 
     monkeypatch.setattr(SimulationRun, "run", begin)
+
+
+@pytest.fixture(autouse=True)
+def _few_tasks_per_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tenth of the usual limit: what has no end takes a tenth of the time."""
+    monkeypatch.setitem(Config.__init__.__kwdefaults__, "max_tasks_per_moment", MAX_TASKS_PER_MOMENT // 10)
 
 
 def output_of(mistake: Mistake, snr: Snr, here: Path) -> str:
