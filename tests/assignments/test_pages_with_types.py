@@ -40,7 +40,9 @@ TYPED: dict[str, dict[str, dict[str, str]]] = {
 }
 
 
-@pytest.mark.parametrize("lab", TYPED)
+@pytest.mark.parametrize(
+    "lab", [pytest.param(lab, marks=[pytest.mark.nightly] * lab.startswith("05")) for lab in TYPED]
+)
 def test_reference_with_types_gets_all_points(lab: str, tmp_path: Path, warm_children: None) -> None:
     checks = find_lab(lab)
     checks.checks = tuple(replace(check, visible=check.visible[:1]) for check in checks.checks)

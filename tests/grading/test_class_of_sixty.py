@@ -218,7 +218,7 @@ def grade_class(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("isolation", ["sandbox", "confined"])
+@pytest.mark.parametrize("isolation", ["sandbox", pytest.param("confined", marks=pytest.mark.nightly)])
 def test_class_of_sixty_gets_exact_points(
     isolation: str,
     request: pytest.FixtureRequest,
@@ -258,7 +258,7 @@ def test_class_of_lab_ten_gets_exact_points(
     grade_class("lunar_lander_q", due, reached, tmp_path, open_folder, jobs=3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_sandboxed_points_equal_those_of_the_lab_tests(sandbox: None, tmp_path: Path) -> None:
     lab, submissions = "09_debug_by_replay", tmp_path / "submissions"
     due = {"reference": 100.0, "not_toml": 100.0 - sum(mistakes_of(lab)["not_toml"].lost.values())}

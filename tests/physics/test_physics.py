@@ -47,21 +47,22 @@ def errors_alike(case: Any, steps_s: tuple[float, ...]) -> None:
     assert all(shown_alike(*pairs[step_s], table.min_shown_error(case)) for step_s in steps_s), now
 
 
-every_case = pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
-some_cases_fast = pytest.mark.parametrize(
-    "case",
-    [pytest.param(case, id=case.name, marks=[pytest.mark.slow] if i % 3 else []) for i, case in enumerate(CASES)],
-)
+def every_case(lane_of_most: Any) -> Any:
+    """Return all cases as parameters; two of three run in a later lane."""
+    marked = [(case, [lane_of_most] if i % 3 else []) for i, case in enumerate(CASES)]
+    return pytest.mark.parametrize("case", [pytest.param(case, id=case.name, marks=marks) for case, marks in marked])
+
+
 FAST_STEPS_S = (0.005,)
 
 
-@some_cases_fast
+@every_case(pytest.mark.slow)
 def test_error_at_5_ms_equals_physics_page(case: Any) -> None:
     errors_alike(case, FAST_STEPS_S)
 
 
 @pytest.mark.slow
-@every_case
+@every_case(pytest.mark.nightly)
 def test_error_at_2_and_10_ms_equals_physics_page(case: Any) -> None:
     errors_alike(case, tuple(step_s for step_s in table.STEPS_S if step_s not in FAST_STEPS_S))
 
