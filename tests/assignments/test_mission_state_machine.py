@@ -61,6 +61,7 @@ def test_starters_of_other_forms_are_as_good_as_the_first_one(
         assert sum(found.lost.values()) == 80.0, form
 
 
+@pytest.mark.nightly
 @pytest.mark.unmeasured
 @pytest.mark.usefixtures("warm_children")
 def test_other_forms_pass_mission_check_and_starter_fails_it(tmp_path: Path) -> None:
