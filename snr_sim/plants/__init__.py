@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.plants.battery import Battery as Battery
+    from snr_sim.plants.battery import BenchSupply as BenchSupply
     from snr_sim.plants.ground.diff_drive_2d import DiffDrive2D as DiffDrive2D
     from snr_sim.plants.ground.dozer import Dozer as Dozer
     from snr_sim.plants.ground.dozer import Heap as Heap
@@ -45,8 +47,6 @@ if TYPE_CHECKING:
     from snr_sim.plants.parameter_limits import check_vector as check_vector
     from snr_sim.plants.parameter_limits import format_value as format_value
     from snr_sim.plants.stepping import RealTimePlant as RealTimePlant
-    from snr_sim.plants.urov.battery import Battery as Battery
-    from snr_sim.plants.urov.battery import BenchSupply as BenchSupply
     from snr_sim.plants.urov.dive import Current as Current
     from snr_sim.plants.urov.dive import Dive as Dive
     from snr_sim.plants.urov.dive import Leak as Leak

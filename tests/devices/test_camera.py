@@ -8,8 +8,8 @@ import pytest
 
 from snr_sim.devices.sensors.camera import DIRECTIONS, Camera, CameraReading, PixelRays, rotate_vector
 from snr_sim.devices.sensors.ray_casting import Rays, intersect_scene
+from snr_sim.plants.outputs import PoseOutput
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.instruments import PoseOutput
 from snr_sim.plants.urov.pool import Gate, Pool
 from snr_sim.plants.urov.urov_2d import Urov2D
 from snr_sim.prelude.errors import ParameterError, SnrError, UnknownNameError

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from snr_sim.devices.sensors.hull_sensors import LeakProbe, PowerModule
-from snr_sim.plants.urov.instruments import LeakOutput, PowerOutput
+from snr_sim.plants.outputs import PowerOutput
+from snr_sim.plants.urov.instruments import LeakOutput
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant

@@ -6,8 +6,9 @@ import pytest
 
 from snr_sim.devices.readings import BiasDrift, SensorErrors
 from snr_sim.devices.sensors.imu import InertialUnit
+from snr_sim.plants.outputs import ImuOutput
 from snr_sim.plants.urov.dive import Dive
-from snr_sim.plants.urov.instruments import FIELD_UT_PER_A, ImuOutput
+from snr_sim.plants.urov.instruments import FIELD_UT_PER_A
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.urov import Urov

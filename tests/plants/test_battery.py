@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.urov.battery import Battery, BatteryPack, BenchSupply, cell_v
+from snr_sim.plants.battery import Battery, BatteryPack, BenchSupply, cell_v
 from snr_sim.prelude.errors import ParameterError
 
 

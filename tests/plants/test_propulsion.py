@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim.plants.urov.battery import Battery, BatteryPack, BenchSupply
+from snr_sim.plants.battery import Battery, BatteryPack, BenchSupply
 from snr_sim.plants.urov.propulsion import LAG_S, Propulsion
 from snr_sim.plants.urov.t200 import NEWTONS_PER_KGF, curve
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError

@@ -9,8 +9,8 @@ import pytest
 
 from snr_sim import Config, EndpointFactory, Mode, SimRunner, Task, TaskId, TaskType
 from snr_sim.core.clocks import SimClock
+from snr_sim.plants.battery import Battery
 from snr_sim.plants.stepping import Stepper
-from snr_sim.plants.urov.battery import Battery
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, UnknownNameError
 from snr_sim.prelude.scenario import RobotContext, RobotInfo

@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.plants.outputs import FIELD_UT, ImuOutput, PoseOutput, PowerOutput
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.motion import Motion
 from snr_sim.plants.urov.pool import Pool
@@ -26,8 +27,6 @@ from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.sums import ordered_sum
 from snr_sim.prelude.water import AIR_PA
 
-# Earth's field at about 50 degrees north, magnetic north along y: 20 uT level, 44 uT down (rounded).
-FIELD_UT = (0.0, 20.0, -44.0)
 # What the supply's wires add for each ampere, body frame: our estimate. At 100 A it turns a compass by 6 degrees.
 FIELD_UT_PER_A = (0.02, 0.02, 0.05)
 NO_GROUND_M = 1000.0  # reading of the echo sounder over a world without a floor
@@ -44,37 +43,11 @@ class DepthOutput(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-class ImuOutput(msgspec.Struct, frozen=True):
-    """Motion and field where the inertial unit is mounted, its axes along the body's; the attitude it finds itself."""
-
-    rate_radps: list[float]  # [x, y, z] angular velocity, body frame
-    specific_force_mps2: list[float]  # [x, y, z] acceleration less gravity, body frame: [0, 0, 9.81] at rest, upright
-    field_ut: list[float]  # [x, y, z] magnetic field, body frame, with what the thrusters' currents add
-    stamp_s: float
-
-
 class AltitudeOutput(msgspec.Struct, frozen=True):
     """What is under the echo sounder."""
 
     altitude_m: float  # height of the sounder over the floor, straight down
     tilt_rad: float  # angle between the sounder's axis and straight down, 0 to pi
-    stamp_s: float
-
-
-class PoseOutput(msgspec.Struct, frozen=True):
-    """Position of the vehicle's origin and its attitude: for a camera's image."""
-
-    position_m: list[float]  # [x, y, z], world frame
-    attitude: list[float]  # [w, x, y, z] unit quaternion that turns vectors of the body into the world's
-    stamp_s: float
-
-
-class PowerOutput(msgspec.Struct, frozen=True):
-    """The battery's terminals."""
-
-    voltage_v: float  # under load
-    current_a: float  # out of the battery
-    charge: float  # what is left of it, 0 empty to 1 full
     stamp_s: float
 
 

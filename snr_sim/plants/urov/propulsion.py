@@ -28,8 +28,8 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
+from snr_sim.plants.battery import Battery, Supply
 from snr_sim.plants.parameter_limits import LIMITS, check_number, check_valid, check_whole
-from snr_sim.plants.urov.battery import Battery, Supply
 from snr_sim.plants.urov.esc import Esc
 from snr_sim.plants.urov.t200 import MAX_PULSE_US, MAX_VOLTAGE_V, MIN_PULSE_US, MIN_VOLTAGE_V, STOP_US, curve
 from snr_sim.plants.urov.vehicle import Matrix

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from functools import partial
 
-from snr_sim.plants.urov.battery import Battery, BenchSupply
+from snr_sim.plants.battery import Battery, BenchSupply
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.urov import Urov
