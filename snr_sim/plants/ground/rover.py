@@ -1,0 +1,202 @@
+"""A rover on wheels with motors, on smooth ground with rocks, under MuJoCo.
+
+    command --> write --> rover_motors.py <-- battery
+                              | torques
+    ground, soil --> wheel_contacts.py: a plane under each wheel, its friction --> MuJoCo --> pose, loads, rates
+
+Why planes and soft contacts: see `rover_mjcf.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from snr_sim.plants.ground.dc_motor import MODES
+from snr_sim.plants.ground.height_map import PLACE_M, HeightMap
+from snr_sim.plants.ground.rocks import Obstacle
+from snr_sim.plants.ground.rover_instruments import RoverInstruments
+from snr_sim.plants.ground.rover_mjcf import rover_mjcf
+from snr_sim.plants.ground.rover_motors import RoverMotors
+from snr_sim.plants.ground.rover_shapes import ground_shape, rover_shapes
+from snr_sim.plants.ground.rover_vehicle import RoverVehicle
+from snr_sim.plants.ground.terramechanics import Coulomb, Ground
+from snr_sim.plants.ground.wheel_contacts import SoilAt, WheelContacts
+from snr_sim.plants.mujoco_engine import MujocoWorld
+from snr_sim.plants.parameter_limits import LIMITS, Record, check_number, check_valid
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
+from snr_sim.prelude.ground_signals import DriveCommand
+
+STEP_S = 0.002
+
+
+@dataclass(frozen=True)
+class RoverStart(Record, who="The rover's start's "):
+    """Where a run begins: standing on the ground.
+
+    Args:
+        position_m: x and y.
+        heading_rad: from east to north.
+        charge: of the battery.
+    """
+
+    position_m: Annotated[tuple[float, float], PLACE_M, ("x", "y")] = (0.0, 0.0)
+    heading_rad: Annotated[float, LIMITS["angle_rad"]] = 0.0
+    charge: Annotated[float, LIMITS["share"]] = 1.0
+
+
+class RoverState(NamedTuple):
+    """Full state."""
+
+    steps: int
+    mujoco: bytes
+    motors: tuple[Any, ...]
+    contacts: tuple[Any, ...]
+
+
+class Rover:
+    """The vehicle. Implements `Plant`.
+
+    Args:
+        vehicle: its numbers.
+        ground: heights.
+        start_of: returns the start that belongs to a seed.
+        soil: what the ground is made of: the same everywhere, or a function of x and y.
+        obstacles: what lies on the ground.
+        seed: of the first run.
+        step_s: of integration.
+
+    Raises:
+        ParameterError: a number is out of range, or the ground is too rough for the wheels.
+        MissingExtraError: MuJoCo is not installed.
+    """
+
+    inputs: tuple[str, ...] = ("drive",)
+    outputs: tuple[str, ...] = ("motors", "imu", "pose", "power")
+
+    def __init__(
+        self,
+        vehicle: RoverVehicle,
+        ground: HeightMap,
+        start_of: Callable[[int], RoverStart],
+        soil: Ground | SoilAt | None = None,
+        obstacles: Sequence[Obstacle] = (),
+        seed: int = 0,
+        step_s: float = STEP_S,
+    ) -> None:
+        check_number("The rover's step_s", step_s, LIMITS["flight_step_s"])
+        for wheel in vehicle.wheels:
+            ground.check_rolls(wheel.radius_m, f"wheel {wheel.name}")
+        everywhere = soil or Coulomb()
+        self.vehicle: RoverVehicle = vehicle
+        self.ground: HeightMap = ground
+        self.obstacles: tuple[Obstacle, ...] = tuple(obstacles)
+        self.start_of: Callable[[int], RoverStart] = start_of
+        self.step_s: float = step_s
+        self._world = world = MujocoWorld(rover_mjcf(vehicle, obstacles), step_s, ("chassis",), "the rover's MJCF")
+        self.engine: str = world.engine
+        self._model, self._data, mujoco = world.model, world.data, world.mujoco
+        self._step_world, self._kinematics = mujoco.mj_step, mujoco.mj_kinematics
+        self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        self._size = int(mujoco.mj_stateSize(self._model, self._kind))
+        soil_at: SoilAt = everywhere if callable(everywhere) else lambda x_m, y_m: everywhere
+        self.contacts: WheelContacts = WheelContacts(vehicle, world, ground, soil_at)
+        self.motors: RoverMotors = RoverMotors(vehicle, world)
+        self._instruments = RoverInstruments(vehicle, world, self.motors, self.contacts)
+        self._readers = self._instruments.readers()
+        self._dofs = self._instruments.dofs
+        self.reset(seed)
+
+    def reset(self, seed: int) -> None:
+        """Put the rover at the start of this seed, at rest on the ground."""
+        start = self.start_of(seed)
+        check_valid(isinstance(start, RoverStart), f"The start of seed {seed}", start, "return a RoverStart.")
+        self._world.mujoco.mj_resetData(self._model, self._data)
+        self.steps: int = 0
+        self._stand(start)
+        self.motors.reset(start.charge)
+        self._kinematics(self._model, self._data)
+        self.contacts.reset()
+
+    def _stand(self, start: RoverStart) -> None:
+        """Put the chassis onto the ground, upright to the slope under its middle."""
+        (x, y), heading = start.position_m, start.heading_rad
+        height, slope_x, slope_y = self.ground.at(x, y)
+        up = np.array([-slope_x, -slope_y, 1.0]) / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+        left = np.cross(up, [math.cos(heading), math.sin(heading), 0.0])
+        left /= math.sqrt(sum(x * x for x in left.tolist()))  # exact: three squares
+        quat = np.zeros(4)
+        self._world.mujoco.mju_mat2Quat(quat, np.stack([np.cross(left, up), left, up], axis=1).reshape(9))
+        self._data.qpos[:7] = [x, y, height, *quat.tolist()]
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset: a count, so that nothing adds up."""
+        return self.steps * self.step_s
+
+    def write(self, name: str, command: DriveCommand) -> None:
+        """Set what the motors do: `DriveCommand.mode`, with a value for each wheel; see `DcMotor.drive`.
+
+        Whether a command is armed is its output's business, not the motors'.
+        """
+        if name not in self.inputs:
+            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
+        if command.mode not in MODES:
+            raise UnknownNameError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, MODES))
+        count = len(self.vehicle.wheels)
+        if len(command.values) != count or not all(map(math.isfinite, command.values)):
+            raise PlantError(
+                f"At {self.time_s:g} s the command of the motors is {command.values}.",
+                fix=f"send {count} finite numbers, one for each wheel.",
+            )
+        self.motors.command(command.mode, command.values)
+
+    def step(self, dt_s: float) -> None:
+        """Advance by one step."""
+        step_s = self.step_s
+        if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
+            raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
+        model, data, contacts, motors = self._model, self._data, self.contacts, self.motors
+        self._kinematics(model, data)
+        contacts.before_step(self.steps)
+        rates = data.qvel[self._dofs].tolist()
+        if rates[0] - rates[0] != 0.0:  # all parts hang together: what is not finite comes to each wheel
+            self._world.check_finite()
+        motors.limit(rates)
+        self._step_world(model, data)
+        motors.draw(rates, step_s)
+        contacts.after_step(rates)
+        self.steps += 1
+
+    def read(self, name: str) -> Any:
+        """Return an output: "motors" (a list of `MotorReading`), "imu", "pose" or "power" (`plants/outputs.py`)."""
+        if name not in self._readers:
+            raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
+        return self._readers[name](self.time_s)
+
+    def snapshot(self) -> RoverState:
+        """Return the full state; the returned object is immutable."""
+        buffer = np.zeros(self._size)
+        self._world.mujoco.mj_getState(self._model, self._data, buffer, self._kind)
+        return RoverState(self.steps, buffer.tobytes(), self.motors.snapshot(), self.contacts.snapshot())
+
+    def restore(self, snapshot: RoverState) -> None:
+        """Put back what `snapshot` returned."""
+        self.steps = snapshot.steps
+        self.motors.restore(snapshot.motors)  # before MuJoCo's state, which holds what motors are commanded
+        self.contacts.restore(snapshot.contacts)
+        self._world.mujoco.mj_setState(self._model, self._data, np.frombuffer(snapshot.mujoco), self._kind)
+
+    def scene(self) -> dict[str, Any]:
+        """Return ground, obstacles and the shapes of the rover."""
+        statics = {"ground": ground_shape(self.ground)}
+        statics.update((f"obstacle_{i}", one.shape()) for i, one in enumerate(self.obstacles))
+        return {"statics": statics, "bodies": rover_shapes(self.vehicle)}
+
+    def truth(self) -> dict[str, Any]:
+        """Return the true state for the recorder: poses of all bodies, loads of the wheels."""
+        return self._instruments.truth()

@@ -1,0 +1,143 @@
+"""MJCF text of a rover: its bodies, a plane under each wheel, motors at its axles.
+
+A wheel touches the ground through a plane of its own, which is laid at the ground's nearest point before each step: it
+has always one contact, and does not feel the grid of a height field. Contacts are soft, as tyres are: rigid ones hop
+when a rover turns on the spot, and how fast it then turns depends on the step. A wheel's shape is a sphere, which
+touches a plane as a wheel does; its edge would add contacts and change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from snr_sim.plants.ground.rocks import Obstacle
+from snr_sim.plants.ground.rover_vehicle import RoverVehicle, Wheel
+
+GRAVITY_MPS2 = 9.81
+SOFT = 'solref="0.1 1" solimp="0 0.95 0.01"'  # of tyres: 9 mm at 73 N
+STIFF = 'solreffriction="0.02 1" solimpfriction="0.999 0.999 0.001"'  # of brakes: with MuJoCo's own they creep
+IMPRATIO = 30  # friction is so much stiffer than pressure: on a slope of 20 degrees a locked rover creeps at 0.6 mm/s
+SIDES = ("left", "right")
+
+
+def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str:
+    """Return the text of a world with the rover at the origin, level ground under it.
+
+    The geoms of planes come first, in the order of the wheels, then the belly's, then those of obstacles.
+    """
+    wheels = vehicle.wheels
+    hung = "".join(_side(vehicle, side) for side in SIDES) if vehicle.suspension else ""
+    fixed = "".join(_wheel(vehicle, wheel, (0.0, 0.0, 0.0)) for wheel in wheels if wheel.hangs_on == "chassis")
+    differential = (
+        '<joint joint1="rocker_left" joint2="rocker_right" polycoef="0 -1 0 0 0"/>' if vehicle.suspension else ""
+    )
+    planes = "".join(
+        f'<body name="ground_{wheel.name}" mocap="true" pos="{wheel.position_m[0]} {wheel.position_m[1]} 0">'
+        f'<geom name="ground_{wheel.name}" type="plane" size="1 1 1" contype="0" conaffinity="0"/></body>'
+        for wheel in wheels
+    )
+    pairs = "".join(
+        f'<pair geom1="ground_{wheel.name}" geom2="wheel_{wheel.name}" condim="3" friction="0.8 0.8 0 0 0" {SOFT}/>'
+        for wheel in wheels
+    )
+    motors = "".join(
+        f'<general name="{wheel.name}" joint="wheel_{wheel.name}" gainprm="0" biastype="affine" biasprm="0 0 0"'
+        ' forcelimited="true" forcerange="-1 1"/>'
+        for wheel in wheels
+    )
+    rocks = "".join(
+        one.geom(f"obstacle_{i}") + ' condim="3" contype="4" conaffinity="2"/>' for i, one in enumerate(obstacles)
+    )
+    sensors = "".join(
+        f'<{kind} objtype="xbody" objname="wheel_{wheel.name}"/>'
+        for kind in ("framelinvel", "frameyaxis")
+        for wheel in wheels
+    )
+    return f"""
+<mujoco model="rover">
+  <compiler angle="radian" inertiafromgeom="false" balanceinertia="false"/>
+  <option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="{IMPRATIO}"
+    gravity="0 0 {-GRAVITY_MPS2}"/>
+  <worldbody>
+    {planes}
+    <body name="ground_belly" mocap="true" pos="0 0 -100">
+      <geom name="ground_belly" type="plane" size="1 1 1" contype="0" conaffinity="0"/></body>
+    <body name="obstacles">{rocks}</body>
+    <body name="chassis">
+      <freejoint name="chassis"/>
+      {_inertial(vehicle.center_of_mass_m, vehicle.chassis_kg, vehicle.inertia_kgm2)}
+      <site name="inertial_unit"/>
+      <geom name="chassis" type="box" pos="{_text(vehicle.center_m)}" size="{_text([0.5 * x for x in vehicle.size_m])}"
+        contype="2" conaffinity="4"/>
+      {hung}{fixed}
+    </body>
+  </worldbody>
+  <contact>{pairs}<pair geom1="ground_belly" geom2="chassis" condim="3" friction="0.5 0.5 0 0 0"/></contact>
+  <equality>{differential}</equality>
+  <actuator>{motors}</actuator>
+  <sensor>{sensors}<gyro name="rate" site="inertial_unit"/><accelerometer site="inertial_unit"/></sensor>
+</mujoco>"""
+
+
+def _side(vehicle: RoverVehicle, side: str) -> str:
+    """Return the rocker of a side, with its bogie and their wheels."""
+    hung = vehicle.suspension
+    assert hung is not None
+    ours = [wheel for wheel in vehicle.wheels if wheel.side == side]
+    y = sum(wheel.position_m[1] for wheel in ours) / len(ours)  # exact: a few numbers of the same sign
+    pivot = (hung.rocker_pivot_m[0], y, hung.rocker_pivot_m[1])
+    bogie = (hung.bogie_pivot_m[0], y, hung.bogie_pivot_m[1])
+    on_rocker, on_bogie = ([wheel for wheel in ours if wheel.hangs_on == part] for part in ("rocker", "bogie"))
+    range_rad = f'limited="true" range="{-hung.limit_rad} {hung.limit_rad}"'
+    return f"""
+      <body name="rocker_{side}" pos="{_text(pivot)}">
+        <joint name="rocker_{side}" type="hinge" axis="0 1 0" {range_rad}/>
+        {_arm(hung.rocker_kg, pivot, [wheel.position_m for wheel in on_rocker] + [bogie])}
+        {"".join(_wheel(vehicle, wheel, pivot) for wheel in on_rocker)}
+        <body name="bogie_{side}" pos="{_text(_from(pivot, bogie))}">
+          <joint name="bogie_{side}" type="hinge" axis="0 1 0" {range_rad}/>
+          {_arm(hung.bogie_kg, bogie, [wheel.position_m for wheel in on_bogie])}
+          {"".join(_wheel(vehicle, wheel, bogie) for wheel in on_bogie)}
+        </body>
+      </body>"""
+
+
+def _wheel(vehicle: RoverVehicle, wheel: Wheel, parent: tuple[float, float, float]) -> str:
+    """Return a wheel on the part whose origin is `parent`: a disk about its axle, with the inertia of its rotor."""
+    along, across = (
+        0.5 * wheel.mass_kg * wheel.radius_m**2,
+        wheel.mass_kg * (3.0 * wheel.radius_m**2 + wheel.width_m**2) / 12.0,
+    )
+    return f"""
+      <body name="wheel_{wheel.name}" pos="{_text(_from(parent, wheel.position_m))}">
+        <joint name="wheel_{wheel.name}" type="hinge" axis="0 1 0" armature="{vehicle.motor.wheel_kgm2}"
+          frictionloss="{max(1e-9, vehicle.motor.friction_nm)}" {STIFF}/>
+        {_inertial((0.0, 0.0, 0.0), wheel.mass_kg, (across, along, across))}
+        <geom name="wheel_{wheel.name}" type="sphere" size="{wheel.radius_m}" contype="2" conaffinity="4"/>
+      </body>"""
+
+
+def _arm(mass_kg: float, origin: tuple[float, ...], ends: list[tuple[float, ...]]) -> str:
+    """Return mass and inertia of an arm from its pivot to some ends, as of thin rods of equal mass."""
+    share, rods = mass_kg / len(ends), [_from(origin, end) for end in ends]
+    middle = [sum(rod[i] for rod in rods) * 0.5 / len(rods) for i in range(3)]  # exact: two or three numbers
+    inertia = [1e-4 * mass_kg] * 3
+    for rod in rods:
+        length2 = sum(x * x for x in rod)  # exact: three squares
+        away = [0.5 * x - m for x, m in zip(rod, middle, strict=True)]
+        for i in range(3):
+            inertia[i] += share * (length2 - rod[i] ** 2) / 12.0
+            inertia[i] += share * (sum(x * x for x in away) - away[i] ** 2)  # exact: three squares
+    return _inertial(middle, mass_kg, inertia)
+
+
+def _inertial(center: object, mass_kg: float, inertia: object) -> str:
+    return f'<inertial pos="{_text(center)}" mass="{mass_kg}" diaginertia="{_text(inertia)}"/>'
+
+
+def _from(origin: tuple[float, ...], place: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(b - a for a, b in zip(origin, place, strict=True))
+
+
+def _text(values: object) -> str:
+    return " ".join(repr(float(value)) for value in values)  # type: ignore[attr-defined]

@@ -1,0 +1,175 @@
+"""Where wheels touch the ground: the plane under each, its load, and what soil of that place does to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from snr_sim.plants.ground.height_map import LEVEL, HeightMap, Plane
+from snr_sim.plants.ground.rover_vehicle import RoverVehicle
+from snr_sim.plants.ground.terramechanics import Coulomb, Ground, slip_of
+from snr_sim.plants.mujoco_engine import MujocoWorld
+
+PLACE_STEPS = 20  # until the nearest point of the ground is found, from none
+SOIL_STEPS = 10  # the kind of ground under a wheel is looked up each 0.02 s
+BELLY_STEPS = 5
+CREEP_MPS = 0.01  # below this speed the resistance of soil falls to 0 with it: where nothing moves there is none
+FAR_M = 100.0
+
+SoilAt = Callable[[float, float], Ground]
+
+
+class WheelContacts:
+    """The contacts of all wheels, and of the belly, with ground and rocks.
+
+    Attributes:
+        loads_n: pressure of the ground on each wheel in the last step.
+        hit_n: the largest pressure of a rock on anything so far.
+        hits: how often something began to touch a rock.
+        planes: the ground under each wheel.
+    """
+
+    def __init__(self, vehicle: RoverVehicle, world: MujocoWorld, ground: HeightMap, soil_at: SoilAt) -> None:
+        model, data, count = world.model, world.data, len(vehicle.wheels)
+        self._vehicle, self._data, self._ground, self._soil_at = vehicle, data, ground, soil_at
+        bodies = [int(model.body(f"wheel_{wheel.name}").id) for wheel in vehicle.wheels]
+        self._bodies, self._count = np.array(bodies), count
+        self._plane_pos, self._plane_quat = data.mocap_pos[:count], data.mocap_quat[:count]
+        self._belly_pos, self._belly_quat = data.mocap_pos[count], data.mocap_quat[count]
+        self._pairs = model.pair_friction[:count, :2]
+        self._velocities = data.sensordata[: 3 * count].reshape(count, 3)
+        self._axles = data.sensordata[3 * count : 6 * count].reshape(count, 3)
+        self._forces = data.xfrc_applied
+        self._chassis = int(model.body("chassis").id)
+        (length, width, height), (x, y, z) = vehicle.size_m, vehicle.center_m
+        self._belly = [
+            (x + 0.5 * a * length, y + 0.5 * b * width, z - 0.5 * height) for a in (-1, 0, 1) for b in (-1, 0, 1)
+        ]
+
+    def reset(self) -> None:
+        """Find the ground under each wheel, where the wheels are now."""
+        self.loads_n: list[float] = [0.0] * self._count
+        self.hit_n: float = 0.0
+        self.hits: int = 0
+        self._touching: frozenset[int] = frozenset()
+        self.planes: list[Plane] = [LEVEL] * self._count
+        for _ in range(PLACE_STEPS):
+            self.lay_planes()
+        self._forces[self._bodies] = 0.0
+        self._look_up_soil()
+        self._lay_belly()
+
+    def lay_planes(self) -> None:
+        """Lay the plane of each wheel at the ground nearest to it."""
+        ground, quats = self._ground, []
+        centers_m = self._data.xpos[self._bodies].tolist()
+        self.planes = planes = [ground.plane_under(*one) for one in zip(centers_m, self.planes, strict=True)]
+        for *_, nx, ny, nz in planes:  # the shortest turn that brings z to the normal
+            size = 1.0 / math.sqrt(2.0 + 2.0 * nz)
+            quats.append(((1.0 + nz) * size, -ny * size, nx * size, 0.0))
+        self._plane_pos[:] = [plane[:3] for plane in planes]
+        self._plane_quat[:] = quats
+
+    def before_step(self, steps: int) -> None:
+        """Prepare the contacts of the step with this number."""
+        self.lay_planes()
+        if steps % SOIL_STEPS == 0:
+            self._look_up_soil()
+        if steps % BELLY_STEPS == 0:
+            self._lay_belly()
+
+    def after_step(self, rates: Sequence[float]) -> None:
+        """Take over loads and touched rocks of a step; set friction and resistance of soft soil for the next."""
+        if self._data.ncon > self._count:
+            self._note_rocks()
+        elif self._touching:
+            self._touching = frozenset()
+        if self._is_firm:
+            return
+        self.loads_n = self.read_loads()
+        self._feel_soil(rates)
+
+    def _look_up_soil(self) -> None:
+        """Find the kind of ground under each wheel; firm ground has one friction, whatever the wheel does."""
+        self._soils = soils = [self._soil_at(plane[0], plane[1]) for plane in self.planes]
+        self._is_firm = all(isinstance(soil, Coulomb) for soil in soils)
+        if self._is_firm:
+            scales = [wheel.friction_scale for wheel in self._vehicle.wheels]
+            self._set_friction([soil.friction * s for soil, s in zip(soils, scales, strict=True)])  # type: ignore[union-attr]
+
+    def _set_friction(self, values: list[float]) -> None:
+        self._frictions = values
+        self._pairs[:] = [(value, value) for value in values]
+
+    def _feel_soil(self, rates: Sequence[float]) -> None:
+        """Set friction and resistance of each wheel from load and slip."""
+        frictions, resistances = [], []
+        wheels, loads = self._vehicle.wheels, self.loads_n
+        centers = self._data.xpos[self._bodies].tolist()
+        moving = zip(centers, self._velocities.tolist(), self._axles.tolist(), rates, strict=True)
+        for wheel, soil, load, plane, ((x, y, z), (vx, vy, vz), (ax, ay, az), rate) in zip(
+            wheels, self._soils, loads, self.planes, moving, strict=True
+        ):
+            px, py, pz, nx, ny, nz = plane
+            above_m = (x - px) * nx + (y - py) * ny + (z - pz) * nz
+            fx, fy, fz = ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx  # ahead, along the ground
+            forward, across = vx * fx + vy * fy + vz * fz, vx * ax + vy * ay + vz * az
+            slip = slip_of(rate * 0.5 * (wheel.radius_m + above_m), forward, across)
+            frictions.append(wheel.friction_scale * soil.friction_at(slip, load, wheel.radius_m, wheel.width_m))
+            back_n = soil.resistance_n(load, wheel.radius_m, wheel.width_m)
+            back_n /= math.sqrt(forward * forward + across * across + CREEP_MPS * CREEP_MPS)
+            up = vx * nx + vy * ny + vz * nz
+            resistances.append(
+                (-back_n * (vx - up * nx), -back_n * (vy - up * ny), -back_n * (vz - up * nz), 0.0, 0.0, 0.0)
+            )
+        self._set_friction(frictions)
+        self._forces[self._bodies] = resistances
+
+    def read_loads(self) -> list[float]:
+        """Return the pressure of the ground on each wheel in the last step."""
+        loads, contact, forces = [0.0] * self._count, self._data.contact, self._data.efc_force.tolist()
+        for geom, row in zip(contact.geom[:, 0].tolist(), contact.efc_address.tolist(), strict=True):
+            if geom < self._count and row >= 0:  # the planes are the first of all
+                loads[geom] = forces[row]
+        return loads
+
+    def _note_rocks(self) -> None:
+        """Count contacts with rocks, which come after the planes and the belly's."""
+        contact, forces = self._data.contact, self._data.efc_force.tolist()
+        touching = set()
+        for (one, other), row in zip(contact.geom.tolist(), contact.efc_address.tolist(), strict=True):
+            if row >= 0 and min(one, other) > self._count:
+                touching.add(one * 1000 + other)
+                self.hit_n = max(self.hit_n, forces[row])
+        self.hits += len(touching - self._touching)
+        self._touching = frozenset(touching)
+
+    def _lay_belly(self) -> None:
+        """Lay the belly's plane under that of its points which is nearest to the ground."""
+        (x, y, z), rotation = self._data.xpos[self._chassis].tolist(), self._data.xmat[self._chassis].tolist()
+        a, b, c, d, e, f, g, h, i = rotation
+        at, least_m = self._ground.at, FAR_M
+        for u, v, w in self._belly:
+            px, py, pz = x + a * u + b * v + c * w, y + d * u + e * v + f * w, z + g * u + h * v + i * w
+            height, slope_x, slope_y = at(px, py)
+            if pz - height < least_m:
+                least_m, plane = pz - height, (px, py, height, slope_x, slope_y)
+        px, py, height, slope_x, slope_y = plane
+        up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+        size = 1.0 / math.sqrt(2.0 + 2.0 * up)
+        self._belly_pos[:] = px, py, height
+        self._belly_quat[:] = (1.0 + up) * size, slope_y * up * size, -slope_x * up * size, 0.0
+
+    def snapshot(self) -> tuple[Any, ...]:
+        """Return all of its state that MuJoCo's does not hold."""
+        known = tuple(self.planes), tuple(self._soils), self._is_firm, tuple(self._frictions)
+        return (*known, tuple(self.loads_n), self.hit_n, self.hits, self._touching)
+
+    def restore(self, snapshot: tuple[Any, ...]) -> None:
+        """Put back what `snapshot` returned."""
+        planes, soils, self._is_firm, frictions, loads, self.hit_n, self.hits, self._touching = snapshot
+        self.planes, self._soils, self.loads_n = list(planes), list(soils), list(loads)
+        self._set_friction(list(frictions))

@@ -1,0 +1,49 @@
+"""Readings and commands of vehicles on wheels with motors of their own; see `signals.py`.
+
+SI and radians: rates of a rotor's field, milliamperes and encoder counts exist on a wire only.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class DriveCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the motors of all wheels do.
+
+    Args:
+        mode: "speed", "current", "brake", "duty", or "off", which lets the wheels turn freely.
+        values: one for each wheel, in the order of the vehicle: rad/s, A, A, -1 to 1 of the voltage, or anything.
+        is_armed: False keeps the motors at neutral.
+        is_stop: emergency stop: neutral until it is cleared.
+    """
+
+    mode: str
+    values: list[float]
+    is_armed: bool = False
+    is_stop: bool = False
+
+
+class MotorReading(msgspec.Struct, frozen=True):
+    """State of a motor, as its controller gives it; rates and torques are of the wheel.
+
+    Args:
+        speed_radps: positive forward.
+        current_a: through the motor, positive when it pushes forward.
+        battery_a: from the battery.
+        duty: voltage at the motor over that of the battery, -1 to 1.
+        voltage_v: of the battery at the controller.
+        temperature_c: of the controller.
+        turned_rad: how far the wheel has turned.
+        fault: a word, or empty.
+    """
+
+    speed_radps: float
+    current_a: float
+    battery_a: float
+    duty: float
+    voltage_v: float
+    temperature_c: float
+    turned_rad: float
+    fault: str
+    stamp_s: float
