@@ -1,8 +1,9 @@
-"""The vehicle compared with solutions without a simulation, at 2, 5 and 10 ms: the cases in physics_cases/."""
+"""Vehicles compared with solutions without a simulation, at three steps: the cases in physics_cases/."""
 
 import importlib
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,8 +24,8 @@ def the_table() -> ModuleType:
 
 table = the_table()
 
-CASES = table.cases()
-PAGE = table.PAGE.read_text(encoding="utf-8")
+PAGES = list(table.PAGES.values())
+CASES = [(page, case) for page in PAGES for case in page.cases()]
 
 
 def shown_alike(cell: str, shown: str, min_error: float) -> bool:
@@ -34,44 +35,43 @@ def shown_alike(cell: str, shown: str, min_error: float) -> bool:
     return abs(one - other) <= 1.01 * digit or max(abs(one), abs(other)) < 2.0 * min_error
 
 
-def errors_alike(case: Any, steps_s: tuple[float, ...]) -> None:
+def errors_alike(page: Any, case: Any, steps_s: Sequence[float]) -> None:
     """Hold a case at some of the page's steps against its reference, and against its line on the page."""
-    line = next(line for line in PAGE.splitlines() if line.startswith(f"| {case.name} |"))
+    text = page.path.read_text(encoding="utf-8")
+    line = next(line for line in text.splitlines() if line.startswith(f"| {case.name} |"))
     ours = {step_s: case.run(step_s) for step_s in steps_s}
-    now = table.row(case, [ours.get(step_s, math.nan) for step_s in table.STEPS_S])
+    now = table.row(case, [ours.get(step_s, math.nan) for step_s in page.steps_s])
     assert all(abs(case.error(value)) <= case.allowed for value in ours.values()), now
-    *before, _, e2, e5, e10, allowed = (cell.strip() for cell in line.strip("|").split("|"))
-    *fresh, _, f2, f5, f10, f_allowed = (cell.strip() for cell in now.strip("|").split("|"))
+    *before, _, e1, e2, e3, allowed = (cell.strip() for cell in line.strip("|").split("|"))
+    *fresh, _, f1, f2, f3, f_allowed = (cell.strip() for cell in now.strip("|").split("|"))
     assert (before, allowed) == (fresh, f_allowed)
-    pairs = dict(zip(table.STEPS_S, ((e2, f2), (e5, f5), (e10, f10)), strict=True))
+    pairs = dict(zip(page.steps_s, ((e1, f1), (e2, f2), (e3, f3)), strict=True))
     assert all(shown_alike(*pairs[step_s], table.min_shown_error(case)) for step_s in steps_s), now
 
 
 def every_case(lane_of_most: Any) -> Any:
     """Return all cases as parameters; two of three run in a later lane."""
-    marked = [(case, [lane_of_most] if i % 3 else []) for i, case in enumerate(CASES)]
-    return pytest.mark.parametrize("case", [pytest.param(case, id=case.name, marks=marks) for case, marks in marked])
-
-
-FAST_STEPS_S = (0.005,)
+    marked = [(page, case, [lane_of_most] if i % 3 else []) for i, (page, case) in enumerate(CASES)]
+    params = [pytest.param(page, case, id=f"{page.robot}: {case.name}", marks=marks) for page, case, marks in marked]
+    return pytest.mark.parametrize(("page", "case"), params)
 
 
 @every_case(pytest.mark.slow)
-def test_error_at_5_ms_equals_physics_page(case: Any) -> None:
-    errors_alike(case, FAST_STEPS_S)
+def test_error_at_own_step_equals_physics_page(page: Any, case: Any) -> None:
+    errors_alike(page, case, page.steps_s[1:2])
 
 
 @pytest.mark.slow
 @every_case(pytest.mark.nightly)
-def test_error_at_2_and_10_ms_equals_physics_page(case: Any) -> None:
-    errors_alike(case, tuple(step_s for step_s in table.STEPS_S if step_s not in FAST_STEPS_S))
+def test_errors_at_other_steps_equal_physics_page(page: Any, case: Any) -> None:
+    errors_alike(page, case, page.steps_s[::2])
 
 
-def test_physics_page_has_each_case_once() -> None:
-    lines = [line for line in PAGE.splitlines() if line.startswith("| ") and not line.startswith("| Case")]
-    assert [line.split(" | ")[0][2:] for line in lines] == [case.name for case in CASES]
-    assert len({case.name for case in CASES}) == len(CASES)
-
-
-def test_physics_page_begins_with_generated_text() -> None:
-    assert PAGE.startswith(table.HEAD)
+@pytest.mark.parametrize("page", PAGES, ids=[page.robot for page in PAGES])
+def test_physics_page_is_the_generated_text_with_each_case_once(page: Any) -> None:
+    text = page.path.read_text(encoding="utf-8")
+    assert text.startswith(page.about)
+    lines = [line for line in text.splitlines() if line.startswith("| ") and not line.startswith("| Case")]
+    names = [case.name for case in page.cases()]
+    assert [line.split(" | ")[0][2:] for line in lines] == names
+    assert len(set(names)) == len(names)

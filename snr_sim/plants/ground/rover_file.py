@@ -53,4 +53,4 @@ def _check_names(table: Any, record: type, where: str) -> None:
         for kind in (kinds[name], *get_args(kinds[name])):
             if is_dataclass(kind):
                 for one in value if isinstance(value, list) else [value]:
-                    _check_names(one, kind, name)  # type: ignore[arg-type]
+                    _check_names(one, kind, name)

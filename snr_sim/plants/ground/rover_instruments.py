@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ class RoverInstruments:
     def __init__(self, vehicle: RoverVehicle, world: MujocoWorld, motors: RoverMotors, contacts: WheelContacts) -> None:
         model, data = world.model, world.data
         self._vehicle, self._motors, self._contacts, self._data = vehicle, motors, contacts, data
-        self._find_places = lambda: world.mujoco.mj_kinematics(model, data)
+        self._find_places: Callable[[], None] = partial(world.mujoco.mj_kinematics, model, data)
         self._chassis = int(model.body("chassis").id)
         self._bodies = [(model.body(i).name, i) for i in range(self._chassis, model.nbody)]
         joints = [model.joint(f"wheel_{wheel.name}") for wheel in vehicle.wheels]

@@ -87,10 +87,9 @@ class WheelContacts:
             self._note_rocks()
         elif self._touching:
             self._touching = frozenset()
-        if self._is_firm:
-            return
-        self.loads_n = self.read_loads()
-        self._feel_soil(rates)
+        if not self._is_firm:
+            self.loads_n = self.read_loads()
+            self._feel_soil(rates)
 
     def _look_up_soil(self) -> None:
         """Find the kind of ground under each wheel; firm ground has one friction, whatever the wheel does."""
