@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from snr_sim.plants.parameter_limits import IS_ABOVE, LIMITS, Limit, Record
+from snr_sim.plants.parameter_limits import IS_ABOVE, Limit, Record
 
 KV = Limit(0.01, 1e4, "rad/s per V", "150 rpm per V are 15.7", {"rpm per V": math.pi / 30.0})
 ROTOR_KGM2 = Limit(0.0, 0.1, "kg m2", "a motor of a kilogram has 0.0001", {"g cm2": 1e-7})
@@ -20,6 +20,8 @@ FRICTION_NM = Limit(0.0, 10.0, "N m", "it is less than what the motor can")
 GEAR = Limit(0.05, 1000.0, "", "it is turns of the rotor for one of the wheel")
 CURRENT_A = Limit(0.0, 1000.0, "A", "a rover's controllers give 50", {"milliamperes": 1e-3}, IS_ABOVE)
 GAIN_NMS = Limit(0.0, 1e4, "N m s/rad", "it is a torque for each rad/s that is missing", {}, IS_ABOVE)
+OHM = Limit(0.0, 10.0, "ohm", "motors of a rover have 0.05 to 1", {"milliohms": 1e-3}, IS_ABOVE)
+SHARE = Limit(0.0, 1.0, "", "it is a share of the whole", {"percent": 1e-2}, IS_ABOVE)
 MODES = ("speed", "current", "duty", "brake", "off")
 
 
@@ -48,11 +50,11 @@ class DcMotor(Record, who="The motor's "):
     """
 
     kv_radps_per_v: Annotated[float, KV]
-    resistance_ohm: Annotated[float, LIMITS["resistance_ohm"]]
+    resistance_ohm: Annotated[float, OHM]
     rotor_kgm2: Annotated[float, ROTOR_KGM2]
     friction_nm: Annotated[float, FRICTION_NM]
     gear: Annotated[float, GEAR]
-    efficiency: Annotated[float, LIMITS["share"]]
+    efficiency: Annotated[float, SHARE]
     limit_a: Annotated[float, CURRENT_A]
     gain_nms: Annotated[float, GAIN_NMS]
 

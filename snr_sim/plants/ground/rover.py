@@ -32,6 +32,7 @@ from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError,
 from snr_sim.prelude.ground_signals import DriveCommand
 
 STEP_S = 0.002
+PRESS_STEPS = 30  # of bisection, to a tenth of a nanometre
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ class RoverState(NamedTuple):
     mujoco: bytes
     motors: tuple[Any, ...]
     contacts: tuple[Any, ...]
+    measured: bytes  # rates and forces of the last step, which readings show
 
 
 class Rover:
@@ -76,7 +78,6 @@ class Rover:
     """
 
     inputs: tuple[str, ...] = ("drive",)
-    outputs: tuple[str, ...] = ("motors", "imu", "pose", "power")
 
     def __init__(
         self,
@@ -108,6 +109,7 @@ class Rover:
         self.motors: RoverMotors = RoverMotors(vehicle, world)
         self._instruments = RoverInstruments(vehicle, world, self.motors, self.contacts)
         self._readers = self._instruments.readers()
+        self.outputs: tuple[str, ...] = tuple(self._readers)
         self._dofs = self._instruments.dofs
         self.reset(seed)
 
@@ -121,6 +123,7 @@ class Rover:
         self.motors.reset(start.charge)
         self._kinematics(self._model, self._data)
         self.contacts.reset()
+        self._press()
 
     def _stand(self, start: RoverStart) -> None:
         """Put the chassis onto the ground, upright to the slope under its middle."""
@@ -132,6 +135,16 @@ class Rover:
         quat = np.zeros(4)
         self._world.mujoco.mju_mat2Quat(quat, np.stack([np.cross(left, up), left, up], axis=1).reshape(9))
         self._data.qpos[:7] = [x, y, height, *quat.tolist()]
+
+    def _press(self) -> None:
+        """Lower the chassis until its tyres carry it, so that a run does not begin with a jolt."""
+        mujoco, data, top_m = self._world.mujoco, self._data, float(self._data.qpos[2])
+        low, high = 0.0, min(wheel.radius_m for wheel in self.vehicle.wheels)
+        for _ in range(PRESS_STEPS):
+            middle = 0.5 * (low + high)
+            data.qpos[2] = top_m - middle
+            mujoco.mj_forward(self._model, data)
+            low, high = (low, middle) if float(data.qacc[2]) > 0.0 else (middle, high)
 
     @property
     def time_s(self) -> float:
@@ -163,9 +176,11 @@ class Rover:
         model, data, contacts, motors = self._model, self._data, self.contacts, self.motors
         self._kinematics(model, data)
         contacts.before_step(self.steps)
-        rates = data.qvel[self._dofs].tolist()
-        if rates[0] - rates[0] != 0.0:  # all parts hang together: what is not finite comes to each wheel
+        velocities = data.qvel.tolist()
+        total = sum(velocities)  # exact: only whether it is finite
+        if total - total != 0.0:
             self._world.check_finite()
+        rates = [velocities[dof] for dof in self._dofs]
         motors.limit(rates)
         self._step_world(model, data)
         motors.draw(rates, step_s)
@@ -173,7 +188,7 @@ class Rover:
         self.steps += 1
 
     def read(self, name: str) -> Any:
-        """Return an output: "motors" (a list of `MotorReading`), "imu", "pose" or "power" (`plants/outputs.py`)."""
+        """Return an output: "motor_<wheel>" (a `MotorReading`), "imu", "pose" or "power" (`plants/outputs.py`)."""
         if name not in self._readers:
             raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
         return self._readers[name](self.time_s)
@@ -182,14 +197,20 @@ class Rover:
         """Return the full state; the returned object is immutable."""
         buffer = np.zeros(self._size)
         self._world.mujoco.mj_getState(self._model, self._data, buffer, self._kind)
-        return RoverState(self.steps, buffer.tobytes(), self.motors.snapshot(), self.contacts.snapshot())
+        measured = np.concatenate([self._data.sensordata, self._data.actuator_force]).tobytes()
+        return RoverState(self.steps, buffer.tobytes(), self.motors.snapshot(), self.contacts.snapshot(), measured)
 
     def restore(self, snapshot: RoverState) -> None:
         """Put back what `snapshot` returned."""
         self.steps = snapshot.steps
         self.motors.restore(snapshot.motors)  # before MuJoCo's state, which holds what motors are commanded
         self.contacts.restore(snapshot.contacts)
-        self._world.mujoco.mj_setState(self._model, self._data, np.frombuffer(snapshot.mujoco), self._kind)
+        data = self._data
+        self._world.mujoco.mj_setState(self._model, data, np.frombuffer(snapshot.mujoco), self._kind)
+        self._kinematics(self._model, data)
+        count = len(data.sensordata)
+        measured = np.frombuffer(snapshot.measured)
+        data.sensordata[:], data.actuator_force[:] = measured[:count], measured[count:]
 
     def scene(self) -> dict[str, Any]:
         """Return ground, obstacles and the shapes of the rover."""

@@ -46,11 +46,11 @@ def _check_names(table: Any, record: type, where: str) -> None:
     if not isinstance(table, dict):
         return  # msgspec's message says what is due
     kinds = get_type_hints(record)
-    names = [field.name for field in fields(record)]  # type: ignore[arg-type]
+    names = [field.name for field in fields(record)]
     for name, value in table.items():
         if name not in names:
             raise ParameterError(f"{where} has '{name}'.", fix=suggest(name, names))
         for kind in (kinds[name], *get_args(kinds[name])):
-            if is_dataclass(kind):
+            if isinstance(kind, type) and is_dataclass(kind):
                 for one in value if isinstance(value, list) else [value]:
                     _check_names(one, kind, name)

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from snr_sim.plants.ground.rover_motors import RoverMotors
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.ground.wheel_contacts import WheelContacts
@@ -28,18 +26,19 @@ class RoverInstruments:
         self._chassis = int(model.body("chassis").id)
         self._bodies = [(model.body(i).name, i) for i in range(self._chassis, model.nbody)]
         joints = [model.joint(f"wheel_{wheel.name}") for wheel in vehicle.wheels]
-        self.dofs: Any = np.array([int(joint.dofadr[0]) for joint in joints])  # of the wheels, in MuJoCo's velocities
-        self._angles = np.array([int(joint.qposadr[0]) for joint in joints])
+        self.dofs: list[int] = [int(joint.dofadr[0]) for joint in joints]  # of the wheels, in MuJoCo's velocities
+        self._angles = [int(joint.qposadr[0]) for joint in joints]
         first = int(model.sensor("rate").adr[0])
         self._rate, self._force = data.sensordata[first : first + 3], data.sensordata[first + 3 : first + 6]
 
     def readers(self) -> dict[str, Callable[[float], Any]]:
         """Return what gives each output, at a time."""
-        return {"motors": self._read_motors, "imu": self._imu, "pose": self._pose, "power": self._power}
+        motors = {f"motor_{wheel.name}": partial(self._motor, i) for i, wheel in enumerate(self._vehicle.wheels)}
+        return {**motors, "imu": self._imu, "pose": self._pose, "power": self._power}
 
-    def _read_motors(self, time_s: float) -> list[MotorReading]:
-        rates, turned = self._data.qvel[self.dofs].tolist(), self._data.qpos[self._angles].tolist()
-        return self._motors.readings(rates, turned, time_s)
+    def _motor(self, wheel: int, time_s: float) -> MotorReading:
+        rate, turned = float(self._data.qvel[self.dofs[wheel]]), float(self._data.qpos[self._angles[wheel]])
+        return self._motors.reading(wheel, rate, turned, time_s)
 
     def _imu(self, time_s: float) -> ImuOutput:
         """Return rate and specific force as they were in the last step, which computed them."""

@@ -93,17 +93,14 @@ class RoverMotors:
         """Voltage of the battery under the last load."""
         return self._voltage_v
 
-    def readings(self, rates: Sequence[float], turned_rad: Sequence[float], time_s: float) -> list[MotorReading]:
-        """Return the state of each motor, as of the last step."""
+    def reading(self, wheel: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading:
+        """Return the state of a wheel's motor; its current is that of the last step."""
         motor, supply_v = self._motor, self._voltage_v
-        made = []
-        for torque, rate, turned in zip(self._torques.tolist(), rates, turned_rad, strict=True):
-            current_a = torque / motor.nm_per_a
-            volts = current_a * motor.resistance_ohm + rate * motor.v_per_radps
-            duty = min(1.0, max(-1.0, volts / supply_v)) if supply_v > 0.0 else 0.0
-            from_battery = max(0.0, current_a * duty)
-            made.append(MotorReading(rate, current_a, from_battery, duty, supply_v, AIR_C, turned, "", time_s))
-        return made
+        current_a = float(self._torques[wheel]) / motor.nm_per_a
+        volts = current_a * motor.resistance_ohm + rate_radps * motor.v_per_radps
+        duty = min(1.0, max(-1.0, volts / supply_v)) if supply_v > 0.0 else 0.0
+        battery_a = max(0.0, current_a * duty)
+        return MotorReading(rate_radps, current_a, battery_a, duty, supply_v, AIR_C, turned_rad, "", time_s)
 
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that MuJoCo's does not hold."""

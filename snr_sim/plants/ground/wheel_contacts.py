@@ -26,7 +26,6 @@ class WheelContacts:
     """The contacts of all wheels, and of the belly, with ground and rocks.
 
     Attributes:
-        loads_n: pressure of the ground on each wheel in the last step.
         hit_n: the largest pressure of a rock on anything so far.
         hits: how often something began to touch a rock.
         planes: the ground under each wheel.
@@ -51,7 +50,7 @@ class WheelContacts:
 
     def reset(self) -> None:
         """Find the ground under each wheel, where the wheels are now."""
-        self.loads_n: list[float] = [0.0] * self._count
+        self._loads: list[float] | None = None
         self.hit_n: float = 0.0
         self.hits: int = 0
         self._touching: frozenset[int] = frozenset()
@@ -60,6 +59,7 @@ class WheelContacts:
             self.lay_planes()
         self._forces[self._bodies] = 0.0
         self._look_up_soil()
+        self._set_friction([self._friction(i, 0.0, 0.0) for i in range(self._count)])
         self._lay_belly()
 
     def lay_planes(self) -> None:
@@ -87,8 +87,8 @@ class WheelContacts:
             self._note_rocks()
         elif self._touching:
             self._touching = frozenset()
+        self._loads = None
         if not self._is_firm:
-            self.loads_n = self.read_loads()
             self._feel_soil(rates)
 
     def _look_up_soil(self) -> None:
@@ -96,8 +96,12 @@ class WheelContacts:
         self._soils = soils = [self._soil_at(plane[0], plane[1]) for plane in self.planes]
         self._is_firm = all(isinstance(soil, Coulomb) for soil in soils)
         if self._is_firm:
-            scales = [wheel.friction_scale for wheel in self._vehicle.wheels]
-            self._set_friction([soil.friction * s for soil, s in zip(soils, scales, strict=True)])  # type: ignore[union-attr]
+            self._set_friction([self._friction(i, 0.0, 0.0) for i in range(self._count)])
+
+    def _friction(self, i: int, slip: float, load_n: float) -> float:
+        """Return the friction coefficient of a wheel."""
+        wheel = self._vehicle.wheels[i]
+        return wheel.friction_scale * self._soils[i].friction_at(slip, load_n, wheel.radius_m, wheel.width_m)
 
     def _set_friction(self, values: list[float]) -> None:
         self._frictions = values
@@ -105,8 +109,9 @@ class WheelContacts:
 
     def _feel_soil(self, rates: Sequence[float]) -> None:
         """Set friction and resistance of each wheel from load and slip."""
-        frictions, resistances = [], []
-        wheels, loads = self._vehicle.wheels, self.loads_n
+        frictions: list[float] = []
+        resistances = []
+        wheels, loads = self._vehicle.wheels, self.read_loads()
         centers = self._data.xpos[self._bodies].tolist()
         moving = zip(centers, self._velocities.tolist(), self._axles.tolist(), rates, strict=True)
         for wheel, soil, load, plane, ((x, y, z), (vx, vy, vz), (ax, ay, az), rate) in zip(
@@ -117,7 +122,7 @@ class WheelContacts:
             fx, fy, fz = ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx  # ahead, along the ground
             forward, across = vx * fx + vy * fy + vz * fz, vx * ax + vy * ay + vz * az
             slip = slip_of(rate * 0.5 * (wheel.radius_m + above_m), forward, across)
-            frictions.append(wheel.friction_scale * soil.friction_at(slip, load, wheel.radius_m, wheel.width_m))
+            frictions.append(self._friction(len(frictions), slip, load))
             back_n = soil.resistance_n(load, wheel.radius_m, wheel.width_m)
             back_n /= math.sqrt(forward * forward + across * across + CREEP_MPS * CREEP_MPS)
             up = vx * nx + vy * ny + vz * nz
@@ -128,11 +133,14 @@ class WheelContacts:
         self._forces[self._bodies] = resistances
 
     def read_loads(self) -> list[float]:
-        """Return the pressure of the ground on each wheel in the last step."""
+        """Return the pressure of the ground on each wheel in the last step [N]."""
+        if self._loads is not None:
+            return self._loads
         loads, contact, forces = [0.0] * self._count, self._data.contact, self._data.efc_force.tolist()
         for geom, row in zip(contact.geom[:, 0].tolist(), contact.efc_address.tolist(), strict=True):
             if geom < self._count and row >= 0:  # the planes are the first of all
                 loads[geom] = forces[row]
+        self._loads = loads
         return loads
 
     def _note_rocks(self) -> None:
@@ -165,10 +173,10 @@ class WheelContacts:
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that MuJoCo's does not hold."""
         known = tuple(self.planes), tuple(self._soils), self._is_firm, tuple(self._frictions)
-        return (*known, tuple(self.loads_n), self.hit_n, self.hits, self._touching)
+        return (*known, tuple(self.read_loads()), self.hit_n, self.hits, self._touching)
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Put back what `snapshot` returned."""
         planes, soils, self._is_firm, frictions, loads, self.hit_n, self.hits, self._touching = snapshot
-        self.planes, self._soils, self.loads_n = list(planes), list(soils), list(loads)
+        self.planes, self._soils, self._loads = list(planes), list(soils), list(loads)
         self._set_friction(list(frictions))

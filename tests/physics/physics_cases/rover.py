@@ -16,7 +16,7 @@ from snr_sim.plants.ground.rover import Rover, RoverStart
 from snr_sim.plants.ground.rover_file import read_rover
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.ground.terramechanics import DRY_SAND, Ground
-from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
 
 from .case import Case
 
@@ -54,8 +54,12 @@ def go(rover: Rover, seconds: float, mode: str = "", *values: float) -> Rover:
     return rover
 
 
+def motors(rover: Rover) -> list[MotorReading]:
+    return [rover.read(f"motor_{wheel.name}") for wheel in rover.vehicle.wheels]
+
+
 def rates(rover: Rover) -> np.ndarray:
-    return np.array([motor.speed_radps for motor in rover.read("motors")])
+    return np.array([motor.speed_radps for motor in motors(rover)])
 
 
 def place(rover: Rover) -> np.ndarray:
@@ -163,9 +167,9 @@ def rolling() -> list[Case]:
 
     def radius(step_s: float) -> float:
         rover = go(made(step_s), 2.0, "speed", 6.0)
-        x_m, turned = place(rover)[0], [motor.turned_rad for motor in rover.read("motors")]
+        x_m, turned = place(rover)[0], [motor.turned_rad for motor in motors(rover)]
         go(rover, 2.0)
-        angles = [after.turned_rad - before for after, before in zip(rover.read("motors"), turned, strict=True)]
+        angles = [after.turned_rad - before for after, before in zip(motors(rover), turned, strict=True)]
         return float(place(rover)[0] - x_m) / (sum(angles) / COUNT)
 
     def expected() -> float:
