@@ -164,9 +164,10 @@ def test_full_disk_ends_recording_only(tmp_path: Path, monkeypatch: pytest.Monke
 class HangingDisk(FileIO):
     """A file on a disk that answers only once it is allowed to."""
 
-    may_answer = threading.Event()
+    is_asked, may_answer = threading.Event(), threading.Event()
 
     def write(self, data: Any) -> int:
+        self.is_asked.set()
         self.may_answer.wait()
         return super().write(data)
 
@@ -179,11 +180,16 @@ def test_disk_that_hangs_delays_no_handler_on_the_wall_clock(
     file = tmp_path / "x.jsonl"
     monkeypatch.setattr(page_recorder, "MAX_UNWRITTEN_BYTES", at_most)
     monkeypatch.setattr(page_recorder, "CLOSE_TIMEOUT_S", 0.1)
-    monkeypatch.setattr(HangingDisk, "may_answer", threading.Event())
+    for name in ("is_asked", "may_answer"):
+        monkeypatch.setattr(HangingDisk, name, threading.Event())
     numbers = iter(range(5))
 
     def send(loop: Any) -> None:
         number = next(numbers, None)
+        if (
+            number == 0
+        ):  # the thread hangs at the line of the start before there is a page, however busy the computer is
+            assert HangingDisk.is_asked.wait(20.0)
         loop.schedule(tasks.terminate("done") if number is None else loop.store_data_task("x", number))
 
     config = Config(factories={"test": [RecorderEndpointFactory(file, "x"), FunctionLoopFactory(send, rate_hz=100)]})
