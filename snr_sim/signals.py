@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.prelude.ground_signals import DriveCommand as DriveCommand
+    from snr_sim.prelude.ground_signals import MotorReading as MotorReading
     from snr_sim.prelude.signals import CLAMPED as CLAMPED
     from snr_sim.prelude.signals import LOST as LOST
     from snr_sim.prelude.signals import NO_PULSE as NO_PULSE

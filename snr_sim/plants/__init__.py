@@ -13,9 +13,22 @@ if TYPE_CHECKING:
     from snr_sim.plants.ground.dozer_2d import Dozer2D as Dozer2D
     from snr_sim.plants.ground.explorer import DriveStart as DriveStart
     from snr_sim.plants.ground.explorer import Explorer as Explorer
+    from snr_sim.plants.ground.height_map import HeightMap as HeightMap
+    from snr_sim.plants.ground.height_map import make_hills as make_hills
+    from snr_sim.plants.ground.rocks import Ledge as Ledge
+    from snr_sim.plants.ground.rocks import Rock as Rock
     from snr_sim.plants.ground.room import Room as Room
     from snr_sim.plants.ground.room import Walker as Walker
     from snr_sim.plants.ground.room_space import WALL_RADIUS_M as WALL_RADIUS_M
+    from snr_sim.plants.ground.rover import Rover as Rover
+    from snr_sim.plants.ground.rover import RoverStart as RoverStart
+    from snr_sim.plants.ground.rover_file import read_rover as read_rover
+    from snr_sim.plants.ground.rover_vehicle import RoverVehicle as RoverVehicle
+    from snr_sim.plants.ground.terramechanics import DRY_SAND as DRY_SAND
+    from snr_sim.plants.ground.terramechanics import LUNAR_SOIL as LUNAR_SOIL
+    from snr_sim.plants.ground.terramechanics import Bekker as Bekker
+    from snr_sim.plants.ground.terramechanics import Coulomb as Coulomb
+    from snr_sim.plants.ground.terramechanics import Ground as Ground
     from snr_sim.plants.lander.descent import MOON_GRAVITY_MPS2 as MOON_GRAVITY_MPS2
     from snr_sim.plants.lander.descent import STANDARD_GRAVITY_MPS2 as STANDARD_GRAVITY_MPS2
     from snr_sim.plants.lander.descent import Engine as Engine

@@ -5,7 +5,11 @@ SI and radians: rates of a rotor's field, milliamperes and encoder counts exist 
 
 from __future__ import annotations
 
+from typing import Literal, TypeAlias
+
 import msgspec
+
+DriveMode: TypeAlias = Literal["speed", "current", "brake", "duty", "off"]
 
 
 class DriveCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -13,15 +17,12 @@ class DriveCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Args:
         mode: "speed", "current", "brake", "duty", or "off", which lets the wheels turn freely.
-        values: one for each wheel, in the order of the vehicle: rad/s, A, A, -1 to 1 of the voltage, or anything.
-        is_armed: False keeps the motors at neutral.
-        is_stop: emergency stop: neutral until it is cleared.
+        values: one for each wheel, in the order of the vehicle: rad/s, A, A, -1 to 1 of the voltage, or anything. None
+            at all is neutral, whatever the mode: a brake, since a rover that rolls freely drives down a slope.
     """
 
-    mode: str
-    values: list[float]
-    is_armed: bool = False
-    is_stop: bool = False
+    mode: DriveMode = "brake"
+    values: list[float] = []
 
 
 class MotorReading(msgspec.Struct, frozen=True):

@@ -32,6 +32,7 @@ from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError,
 from snr_sim.prelude.ground_signals import DriveCommand
 
 STEP_S = 0.002
+SETTLE_S = 1.0  # until rockers and bogies have found their angles
 PRESS_STEPS = 30  # of bisection, to a tenth of a nanometre
 
 
@@ -75,6 +76,10 @@ class Rover:
     Raises:
         ParameterError: a number is out of range, or the ground is too rough for the wheels.
         MissingExtraError: MuJoCo is not installed.
+
+    Attributes:
+        seed: of the run.
+        motors, contacts: their state, for judges and tests.
     """
 
     inputs: tuple[str, ...] = ("drive",)
@@ -119,11 +124,17 @@ class Rover:
         check_valid(isinstance(start, RoverStart), f"The start of seed {seed}", start, "return a RoverStart.")
         self._world.mujoco.mj_resetData(self._model, self._data)
         self.steps: int = 0
+        self.seed: int = seed
         self._stand(start)
         self.motors.reset(start.charge)
+        self.motors.neutral()
         self._kinematics(self._model, self._data)
         self.contacts.reset()
         self._press()
+        self._settle()
+        self.contacts.reset()
+        self.motors.reset(start.charge)
+        self.motors.neutral()
 
     def _stand(self, start: RoverStart) -> None:
         """Put the chassis onto the ground, upright to the slope under its middle."""
@@ -137,14 +148,30 @@ class Rover:
         self._data.qpos[:7] = [x, y, height, *quat.tolist()]
 
     def _press(self) -> None:
-        """Lower the chassis until its tyres carry it, so that a run does not begin with a jolt."""
-        mujoco, data, top_m = self._world.mujoco, self._data, float(self._data.qpos[2])
-        low, high = 0.0, min(wheel.radius_m for wheel in self.vehicle.wheels)
+        """Find the height at which the tyres carry the chassis."""
+        mujoco, data, middle_m = self._world.mujoco, self._data, float(self._data.qpos[2])
+        reach_m = min(wheel.radius_m for wheel in self.vehicle.wheels)
+        low, high = middle_m - reach_m, middle_m + reach_m
         for _ in range(PRESS_STEPS):
-            middle = 0.5 * (low + high)
-            data.qpos[2] = top_m - middle
+            data.qpos[2] = middle_m = 0.5 * (low + high)
             mujoco.mj_forward(self._model, data)
-            low, high = (low, middle) if float(data.qacc[2]) > 0.0 else (middle, high)
+            low, high = (middle_m, high) if float(data.qacc[2]) > 0.0 else (low, middle_m)
+
+    def _settle(self) -> None:
+        """Let it come to rest with brakes on, so that a run begins without a jolt."""
+        for _ in range(round(SETTLE_S / self.step_s)):
+            self._advance()
+        self._data.qvel[:] = 0.0
+        self._data.time = 0.0
+        self._kinematics(self._model, self._data)
+        self.contacts.lay_planes()
+        self._world.mujoco.mj_forward(self._model, self._data)
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed of the chassis' origin."""
+        vx, vy, vz = self._data.qvel[:3].tolist()
+        return math.sqrt(vx * vx + vy * vy + vz * vz)
 
     @property
     def time_s(self) -> float:
@@ -154,13 +181,16 @@ class Rover:
     def write(self, name: str, command: DriveCommand) -> None:
         """Set what the motors do: `DriveCommand.mode`, with a value for each wheel; see `DcMotor.drive`.
 
-        Whether a command is armed is its output's business, not the motors'.
+        A command without values is neutral: a brake of NEUTRAL_BRAKE_A.
         """
         if name not in self.inputs:
             raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         if command.mode not in MODES:
             raise UnknownNameError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, MODES))
         count = len(self.vehicle.wheels)
+        if not command.values:
+            self.motors.neutral()
+            return
         if len(command.values) != count or not all(map(math.isfinite, command.values)):
             raise PlantError(
                 f"At {self.time_s:g} s the command of the motors is {command.values}.",
@@ -173,7 +203,13 @@ class Rover:
         step_s = self.step_s
         if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
-        model, data, contacts, motors = self._model, self._data, self.contacts, self.motors
+        rates = self._advance()
+        self.motors.draw(rates, step_s)
+        self.steps += 1
+
+    def _advance(self) -> list[float]:
+        """Advance ground, motors and bodies by a step; return the rates of the wheels before it."""
+        model, data, contacts = self._model, self._data, self.contacts
         self._kinematics(model, data)
         contacts.before_step(self.steps)
         velocities = data.qvel.tolist()
@@ -181,11 +217,10 @@ class Rover:
         if total - total != 0.0:
             self._world.check_finite()
         rates = [velocities[dof] for dof in self._dofs]
-        motors.limit(rates)
+        self.motors.limit(rates)
         self._step_world(model, data)
-        motors.draw(rates, step_s)
         contacts.after_step(rates)
-        self.steps += 1
+        return rates
 
     def read(self, name: str) -> Any:
         """Return an output: "motor_<wheel>" (a `MotorReading`), "imu", "pose" or "power" (`plants/outputs.py`)."""

@@ -17,6 +17,7 @@ from snr_sim.prelude.ground_signals import MotorReading
 SAME_V = 0.02  # the motors' lines are computed anew when the voltage has changed by more
 FREE_NM = 1e-9  # friction of an axle without any: MuJoCo has no row for one of 0
 AIR_C = 20.0
+NEUTRAL_BRAKE_A = 4.0  # holds until 25 degrees
 
 
 class RoverMotors:
@@ -46,6 +47,10 @@ class RoverMotors:
         self.values: tuple[float, ...] = tuple(values)
         self._line_v = self._voltage_v
         self._set_lines()
+
+    def neutral(self) -> None:
+        """Brake: a rover that rolls freely drives down a slope."""
+        self.command("brake", (NEUTRAL_BRAKE_A,) * len(self._vehicle.wheels))
 
     def _set_lines(self) -> None:
         motor, voltage_v = self._motor, self._line_v

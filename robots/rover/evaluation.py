@@ -1,0 +1,58 @@
+"""Judge of a drive: the record of where the rover truly was, and conclusions from it."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from snr_sim.plants import Rover
+
+SAMPLE_S = 0.1
+TIPPED_RAD = math.radians(60.0)
+
+
+class Sample(NamedTuple):
+    """The true state at a moment."""
+
+    time_s: float
+    position_m: tuple[float, float, float]
+    speed_mps: float
+    tilt_rad: float  # of the chassis, from upright
+
+
+class Tracked(Rover):
+    """A rover whose course is recorded ten times a second."""
+
+    course: list[Sample]
+
+    def reset(self, seed: int) -> None:
+        """Reset, with an empty course."""
+        self.course = []
+        super().reset(seed)
+
+    def step(self, dt_s: float) -> None:
+        """Advance, and record a sample when it is due."""
+        super().step(dt_s)
+        if self.time_s >= len(self.course) * SAMPLE_S - 1e-9:
+            pose = self.read("pose")
+            x, y, z = pose.position_m
+            _, qx, qy, _ = pose.attitude
+            tilt_rad = math.acos(max(-1.0, 1.0 - 2.0 * (qx * qx + qy * qy)))
+            self.course.append(Sample(self.time_s, (x, y, z), self.speed_mps, tilt_rad))
+
+    def restore(self, snapshot: Any) -> None:
+        """Restore the rover, and drop the samples recorded since."""
+        super().restore(snapshot)
+        self.course = [sample for sample in self.course if sample.time_s <= self.time_s]
+
+    @property
+    def has_tipped_over(self) -> bool:
+        """Whether it lay on its side or back."""
+        return bool(self.course) and self.course[-1].tilt_rad > TIPPED_RAD
+
+
+def way_m(course: list[Sample]) -> float:
+    """Return the length of a course over the ground."""
+    places = [sample.position_m for sample in course]
+    return math.fsum(math.dist(one, other) for one, other in pairwise(places))
