@@ -24,6 +24,7 @@ SLOW_FIXTURES = {"emulators", "sandbox", "docker", "warm", "type_page"}
 MAX_WAIT_S = 1.0  # of a thread that is neither on a core nor in the queue for one, beyond what disks may take
 MAX_WAIT_SHARE = 0.1  # of its time on a core, of a property with 500 examples
 DISK_WAIT_S = 0.002  # what a busy disk may take each time: some tests write a file thousands of times
+MAX_ID = 100  # characters of a text in the name of a test
 REST = """\
 That was the fast lane. The rest:
   python -m pytest -n auto -m slow    processes, signals, sandboxes, emulators, trainings, notebooks
@@ -74,6 +75,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = longest_first(kept, getattr(config, "workerinput", {}).get("workercount", 1))
     if left_out:
         config.hook.pytest_deselected(items=left_out)
+
+
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """Shorten a long text; older versions of pytest take it whole, and one of 100 MB stood in each line of a report."""
+    return repr(val[:MAX_ID])[1:-1] if isinstance(val, str) and len(val) > MAX_ID else None
 
 
 @pytest.hookimpl(wrapper=True)
