@@ -7,7 +7,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Lines of Python: 2 % more than on 2026-11-27.
 MAX_LINES = {
-    "snr_sim": 78470,
+    "snr_sim": 79900,
     "snr_sim/behaviors": 8960,
     "snr_sim/cli": 4115,
     "snr_sim/console": 1920,
@@ -16,8 +16,8 @@ MAX_LINES = {
     "snr_sim/grading": 7310,
     "snr_sim/learning": 4030,
     "snr_sim/links": 5420,
-    "snr_sim/plants": 8350,
-    "snr_sim/prelude": 2780,
+    "snr_sim/plants": 9790,
+    "snr_sim/prelude": 2810,
     "snr_sim/recording": 4740,
     "snr_sim/scenario": 3890,
     "snr_sim/schemas": 120,
@@ -27,10 +27,10 @@ MAX_LINES = {
     "snr_sim/testing": 2540,
     "snr_sim/view": 3220,
     "snr_sim/web": 2940,
-    "robots": 4290,
-    "scenarios": 1740,
+    "robots": 4500,
+    "scenarios": 1830,
     "assignments": 8500,
-    "tests": 87600,
+    "tests": 88700,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -20,7 +20,7 @@ PACKAGES = ("mujoco-core", "pymunk")
 MAX_BYTES_PER_S = 125_000  # of a dive: 5 MB for 40 s; each value is in its trace once
 REFERENCE = "Linux on x86_64 with glibc and a processor with FMA"
 MACHINES = ("x86_64", "aarch64")
-DIFFERENT_ON_ARM = ("lander_pad mujoco", "lander_rough mujoco")
+DIFFERENT_ON_ARM = ("lander_pad mujoco", "lander_rough mujoco", "rover")
 
 
 def fly(run: str, folder: Path) -> RunResult:
