@@ -78,7 +78,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:
-    """Shorten a long text; older versions of pytest take it whole, and one of 100 MB stood in each line of a report."""
+    """Shorten a long text; older versions of pytest take it whole, also one of 100 MB, in each line of a report."""
     return repr(val[:MAX_ID])[1:-1] if isinstance(val, str) and len(val) > MAX_ID else None
 
 

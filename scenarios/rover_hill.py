@@ -1,4 +1,4 @@
-"""Drive through dry sand that rises, up a slope of 15 degrees, and stand there: six wheels, soft and firm ground.
+"""Drive through dry sand that rises, up a slope of 15 degrees, and stop there: six wheels, soft and firm ground.
 
 8 m of sand rise by 5 degrees, where half of each turn of a wheel is slip; then come a level stretch and the slope. The
 rover must stop on the slope, and not slide back by more than 0.3 m in ten seconds. Every seed is another length of both

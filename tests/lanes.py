@@ -1,4 +1,4 @@
-"""A promise with many cases: in the fast lane as many as show that it is broken, in the slow one all the others."""
+"""Cases of one test: in the fast lane as many as show a defect, in the slow one all others."""
 
 from typing import Any
 

@@ -11,6 +11,7 @@ from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
+from snr_sim.prelude.ground_signals import DriveCommand
 from snr_sim.prelude.signals import DozerCommand, EngineCommand, MotorCommand, PwmCommand
 from snr_sim.scenario import library
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
@@ -22,6 +23,7 @@ COMMANDS = {
     "engine": EngineCommand(throttle=0.3, gimbal_rad=0.01, attitude=0.2),
     "motors": MotorCommand(a=40.0, d=25.0),
     "pwm": PwmCommand([1500.0] * 8),
+    "drive": DriveCommand("speed", [2.0] * 6),
 }
 
 

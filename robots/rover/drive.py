@@ -20,12 +20,12 @@ def wheel_rates(parameters: RoverParameters, speed_mps: float, turn_radps: float
     All are scaled down together if one would be faster than its motor can, so that the curve stays the same.
     """
     wheels = parameters.vehicle.wheels
-    most = parameters.vehicle.motor.top_radps(TOP_V)
+    top = parameters.vehicle.motor.top_radps(TOP_V)
     rates = [(speed_mps - EFFECTIVE_TRACK * turn_radps * wheel.position_m[1]) / wheel.radius_m for wheel in wheels]
-    return _scaled(rates, most)
+    return _scaled(rates, top)
 
 
-def _scaled(rates: Sequence[float], most: float) -> list[float]:
+def _scaled(rates: Sequence[float], top: float) -> list[float]:
     fastest = max(map(abs, rates))
-    scale = most / fastest if fastest > most else 1.0
+    scale = top / fastest if fastest > top else 1.0
     return [scale * rate for rate in rates]

@@ -29,7 +29,7 @@ from .parameters import MOTOR_ERRORS
 
 ROLES = ("rover",)
 IO = ("sim",)
-MOST = 100.0  # the motors' own limits are narrower, and depend on the mode
+MAX_VALUE = 100.0  # the motors' own limits are narrower, and depend on the mode
 
 
 def sim_sensor(context: RobotContext, name: str, errors: SensorErrors) -> SimSensor:
@@ -45,7 +45,7 @@ def sim_imu(context: RobotContext) -> SimSensor:
 
 def sim_motors(context: RobotContext) -> SimActuator[DriveCommand]:
     """Open the simulated motors."""
-    return SimActuator(context.plant, "drive", DriveCommand, {"values": (-MOST, MOST)})
+    return SimActuator(context.plant, "drive", DriveCommand, {"values": (-MAX_VALUE, MAX_VALUE)})
 
 
 def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, list[Any]]:

@@ -49,9 +49,9 @@ def errors_alike(page: Any, case: Any, steps_s: Sequence[float]) -> None:
     assert all(shown_alike(*pairs[step_s], table.min_shown_error(case)) for step_s in steps_s), now
 
 
-def every_case(lane_of_most: Any) -> Any:
+def every_case(later_lane: Any) -> Any:
     """Return all cases as parameters; two of three run in a later lane."""
-    marked = [(page, case, [lane_of_most] if i % 3 else []) for i, (page, case) in enumerate(CASES)]
+    marked = [(page, case, [later_lane] if i % 3 else []) for i, (page, case) in enumerate(CASES)]
     params = [pytest.param(page, case, id=f"{page.robot}: {case.name}", marks=marks) for page, case, marks in marked]
     return pytest.mark.parametrize(("page", "case"), params)
 

@@ -62,7 +62,7 @@ def test_plane_under_a_wheel_is_perpendicular_to_the_way_to_it(x: float, y: floa
     assert np.abs(across).max() < 1e-9
 
 
-def test_ground_goes_on_level_beyond_its_edge() -> None:
+def test_ground_is_level_beyond_its_edge() -> None:
     ground = ramp((0.1, 0.0), 20.0)
     edge_m = ground.at(1e3, 0.0)[0]
     assert ground.at(2e3, 0.0) == (edge_m, 0.0, 0.0)

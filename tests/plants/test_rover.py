@@ -94,7 +94,7 @@ def test_belly_rests_on_a_crest() -> None:
     go(rover, 1.0, DriveCommand("brake", [6.0] * 6))
     carried_n = sum(vector[5] for vector in rover.truth()["vectors"].values())
     assert carried_n < 0.9 * VEHICLE.mass_kg * 9.81, "the belly carries the rest"
-    assert rover.contacts.hits == 0, "the ground is no rock"
+    assert rover.contacts.hits == 0, "the ground is not a rock"
     lowest_m = rover.read("pose").position_m[2] + 0.25 - 0.5 * VEHICLE.size_m[2]
     assert lowest_m > crest.at(0.0, 0.0)[0] - 0.02
 

@@ -23,7 +23,7 @@ from snr_sim.scenario.machine_lag import lag_of
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, SimulationRun, run_recorded
 from tests.lanes import slow
-from tests.scenarios.recorded import fly
+from tests.scenarios.recorded import simulate
 
 RecordScenario: TypeAlias = Callable[..., Any]
 ROOMS = ("dora_room", "dora_corners", "dora_people")
@@ -56,7 +56,7 @@ def test_own_programs_are_found() -> None:
 
 
 @pytest.mark.parametrize(
-    "flown",
+    "recorded",
     [
         "dora_room pymunk 0",
         slow("dora_corners pymunk 0"),
@@ -65,8 +65,8 @@ def test_own_programs_are_found() -> None:
         slow("dora_people pymunk 1"),
     ],
 )
-def test_room_is_explored(flown: str, tmp_path: Path) -> None:
-    result = fly(flown, tmp_path)
+def test_room_is_explored(recorded: str, tmp_path: Path) -> None:
+    result = simulate(recorded, tmp_path)
     assert result.success, result.notes
     assert result.metrics["seen_share"] > 0.9
     assert result.metrics["way_m"] > 20.0

@@ -1,4 +1,4 @@
-"""Runs whose digests are written down, in digests.json: each is flown once, for all that is looked at in it."""
+"""Runs whose digests are written down, in digests.json: each is simulated once, for all that is looked at in it."""
 
 import json
 import platform
@@ -23,9 +23,9 @@ MACHINES = ("x86_64", "aarch64")
 DIFFERENT_ON_ARM = ("lander_pad mujoco", "lander_rough mujoco", "rover")
 
 
-def fly(run: str, folder: Path) -> RunResult:
+def simulate(run: str, folder: Path) -> RunResult:
     """Simulate a run, 'scenario engine seed'; check its digest, and that a dive meets its criterion."""
-    result, digest = fly_and_digest(run, folder)
+    result, digest = simulate_with_digest(run, folder)
     if digest != WRITTEN["digests"].get(run) and not differing_platform(run):
         scenario, engine, seed = run.split()
         pytest.fail(
@@ -38,7 +38,7 @@ def fly(run: str, folder: Path) -> RunResult:
     return result
 
 
-def fly_and_digest(run: str, folder: Path) -> tuple[RunResult, str]:
+def simulate_with_digest(run: str, folder: Path) -> tuple[RunResult, str]:
     """Simulate a run; return its result and the digest of its records, without opening and header."""
     scenario, engine, seed = run.split()
     folder.mkdir(exist_ok=True)

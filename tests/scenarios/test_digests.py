@@ -18,10 +18,18 @@ import pytest
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, prepare
 from tests.lanes import slow
-from tests.scenarios.recorded import DIGESTS, PACKAGES, REFERENCE, WRITTEN, differing_platform, fly, fly_and_digest
+from tests.scenarios.recorded import (
+    DIGESTS,
+    PACKAGES,
+    REFERENCE,
+    WRITTEN,
+    differing_platform,
+    simulate,
+    simulate_with_digest,
+)
 
 SEEDS = (0, 1, 2)
-# Other tests fly these, and look at more: there is no need to fly them twice before the night.
+# Other tests simulate these, and look at more: once is enough before the night.
 ELSEWHERE = {
     "urov_depth_hold mujoco 1": "scenarios/test_urov.py",
     "urov_heading_hold mujoco 1": "scenarios/test_urov.py",
@@ -40,6 +48,7 @@ ELSEWHERE = {
     "dora_corners pymunk 1": "robots/test_dora.py",
     "dora_people pymunk 0": "robots/test_dora.py",
     "dora_people pymunk 1": "robots/test_dora.py",
+    "rover_hill mujoco 0": "robots/test_rover.py",
 }
 
 
@@ -66,11 +75,11 @@ def in_its_lane(run: str) -> Any:
 def test_run_keeps_recorded_digest(run: str, tmp_path: Path) -> None:
     if differs := differing_platform(run):
         pytest.skip(f"digests.json is of {REFERENCE}; this is {differs}")
-    fly(run, tmp_path)
+    simulate(run, tmp_path)
 
 
 @pytest.mark.parametrize("file", sorted(set(ELSEWHERE.values())))
-def test_runs_of_other_files_are_flown_there(file: str) -> None:
+def test_runs_of_other_files_are_simulated_there(file: str) -> None:
     text = (Path(__file__).parents[1] / file).read_text(encoding="utf-8")
     assert [run for run, where in ELSEWHERE.items() if where == file and f'"{run}"' not in text] == []
 
@@ -86,7 +95,7 @@ def write() -> None:
         if differs := differing_platform(run):
             sys.exit(f"Digests are written on {REFERENCE}; this is {differs}.")
         with tempfile.TemporaryDirectory() as folder:
-            _, digests[run] = fly_and_digest(run, Path(folder))
+            _, digests[run] = simulate_with_digest(run, Path(folder))
     packages = {name: version(name) for name in PACKAGES}
     DIGESTS.write_text(json.dumps({"packages": packages, "digests": digests}, indent=1) + "\n", encoding="utf-8")
 

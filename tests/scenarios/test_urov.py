@@ -15,7 +15,7 @@ from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, Simulation, prepare
 from snr_sim.scenario.simulation_run import RunResult, run_recorded
-from tests.scenarios.recorded import fly
+from tests.scenarios.recorded import simulate
 
 
 def record(
@@ -37,7 +37,7 @@ def test_depth_sensor_water_density_equals_pool() -> None:
 
 
 def test_depth_hold_survives_step_current_and_payload_release(tmp_path: Path) -> None:
-    result = fly("urov_depth_hold mujoco 1", tmp_path)
+    result = simulate("urov_depth_hold mujoco 1", tmp_path)
     assert result.error == ""
     assert (result.outcome, result.success) == ("held", True)
     assert result.metrics["settling_s"] < 8.0
@@ -45,46 +45,46 @@ def test_depth_hold_survives_step_current_and_payload_release(tmp_path: Path) ->
 
 
 def test_heading_hold_survives_quarter_turn_in_current(tmp_path: Path) -> None:
-    result = fly("urov_heading_hold mujoco 1", tmp_path)
+    result = simulate("urov_heading_hold mujoco 1", tmp_path)
     assert (result.error, result.outcome) == ("", "held")
     assert result.metrics["settling_s"] < 4.0
     assert result.metrics["overshoot_deg"] < 6.0
 
 
 def test_link_loss_stops_holds_and_surfaces(tmp_path: Path) -> None:
-    result = fly("urov_link_loss mujoco 1", tmp_path)
+    result = simulate("urov_link_loss mujoco 1", tmp_path)
     assert (result.error, result.outcome) == ("", "held")
     assert result.metrics["thrust_after_cut_n"] < 0.1
     assert 8.0 < result.metrics["surfaced_s"] < 20.0
 
 
 def test_thruster_failure_keeps_depth_and_heading(tmp_path: Path) -> None:
-    result = fly("urov_thruster_failure mujoco 2", tmp_path)
+    result = simulate("urov_thruster_failure mujoco 2", tmp_path)
     assert (result.error, result.outcome) == ("", "held")
     assert result.metrics["fault"] == "off"
 
 
 def test_leak_surfaces_and_stays_up(tmp_path: Path) -> None:
-    result = fly("urov_leak mujoco 1", tmp_path)
+    result = simulate("urov_leak mujoco 1", tmp_path)
     assert (result.error, result.outcome) == ("", "held")
     assert result.metrics["water_l"] == 1.0
 
 
 def test_waypoint_pilot_keeps_position_in_current(tmp_path: Path) -> None:
-    result = fly("urov_station_keeping mujoco 1", tmp_path)
+    result = simulate("urov_station_keeping mujoco 1", tmp_path)
     assert (result.error, result.outcome) == ("", "held")
     assert 0.05 < result.metrics["worst_place_error_m"] < 0.5, "the current was felt"
 
 
 def test_vehicle_passes_three_gates_without_contact(tmp_path: Path) -> None:
-    result = fly("urov_gate mujoco 2", tmp_path)
+    result = simulate("urov_gate mujoco 2", tmp_path)
     assert (result.error, result.outcome) == ("", "completed")
     assert result.metrics["gates"] == ["gate_1", "gate_2", "gate_3"]
 
 
 @pytest.mark.parametrize("run", ["urov_sticks mujoco 1", "urov_tank mujoco 1", "urov_teleop mujoco 1"])
 def test_other_dives_meet_their_criterion(run: str, tmp_path: Path) -> None:
-    assert fly(run, tmp_path).success
+    assert simulate(run, tmp_path).success
 
 
 def test_dive_is_reproducible_and_both_roles_replay(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_metrics_at_start_contain_no_unmeasured_values(scenario: str) -> None:
 
 
 def test_bad_link_applies_fresh_and_ignores_late_commands(tmp_path: Path) -> None:
-    results = [fly("urov_bad_link mujoco 1", tmp_path), fly("urov_bad_link mujoco 2", tmp_path / "second")]
+    results = [simulate("urov_bad_link mujoco 1", tmp_path), simulate("urov_bad_link mujoco 2", tmp_path / "second")]
     assert [(one.error, one.outcome, one.metrics["fault"]) for one in results] == [
         ("", "held", "late"),
         ("", "held", "cut"),

@@ -100,7 +100,7 @@ class DcMotor(Record, who="The motor's "):
 
     def limits_nm(self, rate_radps: float, battery_v: float) -> tuple[float, float]:
         """Return the least and the largest torque at a rate: limits of the current, and of the voltage that is left."""
-        back_v, most_a = rate_radps * self.v_per_radps, self.limit_a
-        forward_a = min(most_a, max(0.0, (battery_v - back_v) / self.resistance_ohm))
-        backward_a = min(most_a, max(0.0, (battery_v + back_v) / self.resistance_ohm))
+        back_v, limit_a = rate_radps * self.v_per_radps, self.limit_a
+        forward_a = min(limit_a, max(0.0, (battery_v - back_v) / self.resistance_ohm))
+        backward_a = min(limit_a, max(0.0, (battery_v + back_v) / self.resistance_ohm))
         return -backward_a * self.nm_per_a, forward_a * self.nm_per_a

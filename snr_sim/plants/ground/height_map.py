@@ -2,8 +2,8 @@
 
 Heights are a quadratic B-spline over a square grid of control values (de Boor, A Practical Guide to Splines, 2001,
 chapter IX): of all functions with a continuous slope it needs the fewest control values for a point, nine. Wheels roll
-over it without a jolt where cells meet. World frame: x east, y north, z up; metres. Beyond the grid the ground goes on
-level from its edge.
+over it without a jolt where cells meet. World frame: x east, y north, z up; metres. Beyond the grid the ground is level
+at the height of its edge.
 
     z(x, y) = sum of control values * B2(x / spacing - column) * B2(y / spacing - row)
 """

@@ -14,7 +14,7 @@ from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.prelude.ground_signals import MotorReading
 
-SAME_V = 0.02  # the motors' lines are computed anew when the voltage has changed by more
+SAME_V = 0.02  # the motors' lines are computed again when the voltage has changed by more
 FREE_NM = 1e-9  # friction of an axle without any: MuJoCo has no row for one of 0
 AIR_C = 20.0
 NEUTRAL_BRAKE_A = 4.0  # holds until 25 degrees
@@ -30,8 +30,8 @@ class RoverMotors:
         self._controls, self._torques = data.ctrl, data.actuator_force
         self._gains, self._slopes = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 2]
         self._ranges, self._friction = model.actuator_forcerange, model.dof_frictionloss
-        most_nm = self._motor.limit_a * self._motor.nm_per_a
-        self._full_range = [(-most_nm, most_nm)] * len(vehicle.wheels)
+        limit_nm = self._motor.limit_a * self._motor.nm_per_a
+        self._full_range = [(-limit_nm, limit_nm)] * len(vehicle.wheels)
         self.reset(1.0)
 
     def reset(self, charge: float) -> None:

@@ -89,7 +89,7 @@ class WheelContacts:
             self._touching = frozenset()
         self._loads = None
         if not self._is_firm:
-            self._feel_soil(rates)
+            self._apply_soil(rates)
 
     def _look_up_soil(self) -> None:
         """Find the kind of ground under each wheel; firm ground has one friction, whatever the wheel does."""
@@ -107,7 +107,7 @@ class WheelContacts:
         self._frictions = values
         self._pairs[:] = [(value, value) for value in values]
 
-    def _feel_soil(self, rates: Sequence[float]) -> None:
+    def _apply_soil(self, rates: Sequence[float]) -> None:
         """Set friction and resistance of each wheel from load and slip."""
         frictions: list[float] = []
         resistances = []
@@ -158,12 +158,12 @@ class WheelContacts:
         """Lay the belly's plane under that of its points which is nearest to the ground."""
         (x, y, z), rotation = self._data.xpos[self._chassis].tolist(), self._data.xmat[self._chassis].tolist()
         a, b, c, d, e, f, g, h, i = rotation
-        at, least_m = self._ground.at, FAR_M
+        at, lowest_m = self._ground.at, FAR_M
         for u, v, w in self._belly:
             px, py, pz = x + a * u + b * v + c * w, y + d * u + e * v + f * w, z + g * u + h * v + i * w
             height, slope_x, slope_y = at(px, py)
-            if pz - height < least_m:
-                least_m, plane = pz - height, (px, py, height, slope_x, slope_y)
+            if pz - height < lowest_m:
+                lowest_m, plane = pz - height, (px, py, height, slope_x, slope_y)
         px, py, height, slope_x, slope_y = plane
         up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
         size = 1.0 / math.sqrt(2.0 + 2.0 * up)

@@ -29,7 +29,7 @@ LEFT, RIGHT = slice(0, 3), slice(3, 6)
 FRICTION = 0.8
 
 SOFT = "tyres are soft, so loads shift a little as they are pressed"
-REGULARISED = "MuJoCo's friction lets go of its limit gradually"
+REGULARISED = "MuJoCo's friction begins and ends gradually"
 LAST_STEP = "friction of soil follows load and slip of the step before"
 
 

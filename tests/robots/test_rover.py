@@ -1,0 +1,115 @@
+"""The rover from end to end: it climbs, it stops when no command comes, and it turns as its numbers say."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from snr_sim.prelude.errors import SnrError
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME
+from snr_sim.scenario import library
+from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import RunResult, SimulationRun
+from tests.scenarios.recorded import simulate
+
+ROVER = library.find("robots", "rover")
+
+
+def run(controller: Path | None = None, seed: int = 0) -> tuple[RunResult, object]:
+    simulation = prepare(Request("rover_hill", seed, controller=None if controller is None else str(controller)))
+    plant = simulation.plant()
+    return SimulationRun(simulation, plant, simulation.config(plant)).run(), plant
+
+
+def part(name: str) -> ModuleType:
+    """Return a module of the robot."""
+    library.load_robot(ROVER)
+    return __import__(f"{library.ROBOT_MODULE}rover.{name}", fromlist=["*"])
+
+
+def test_rover_climbs_through_sand_and_stands_on_the_slope(tmp_path: Path) -> None:
+    result = simulate("rover_hill mujoco 0", tmp_path)
+    assert (result.outcome, result.success) == ("stands", True)
+    assert result.metrics["back_m"] < 0.05
+    assert 15.0 < result.metrics["way_m"] < 20.0
+    assert 3000.0 < result.metrics["energy_j"] < 10_000.0
+    trace = read_trace(tmp_path / FILE_NAME)
+    assert replay_node(trace, "rover", prepare(Request("rover_hill")).config(None)).is_identical
+
+
+@pytest.mark.nightly(minutes=3)
+def test_rover_stands_on_the_slope_from_every_start() -> None:
+    results = [run(seed=seed)[0] for seed in range(100)]
+    assert [(one.outcome, one.error, one.notes) for one in results if not one.success] == []
+
+
+def test_controller_that_falls_silent_leaves_the_rover_braked(tmp_path: Path) -> None:
+    file = tmp_path / "silent.py"
+    file.write_text(
+        "from snr_sim import Endpoint, handles\n"
+        "class Silent(Endpoint):\n"
+        "    @handles('imu')\n"
+        "    def on_imu(self, imu):\n"
+        "        if imu['stamp_s'] < 3.0:\n"
+        "            return self.store_data_task('drive', {'mode': 'speed', 'values': [6.0] * 6})\n"
+        "        if imu['stamp_s'] > 6.0:\n"
+        "            raise SystemExit\n"
+        "def factories(robot):\n"
+        "    return [Silent.factory()]\n"
+    )
+    _, plant = run(file)
+    speeds = {round(sample.time_s, 1): sample.speed_mps for sample in plant.course}  # type: ignore[attr-defined]
+    assert speeds[3.0] > 0.6
+    assert speeds[4.2] < 0.02, "the lease, and a second of brakes"
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        ("{'mode': 'sped', 'values': [1.0] * 6}", "mode"),
+        ("{'mode': 'speed', 'values': [1.0] * 5}", "send 6 finite numbers"),
+        ("{'mode': 'speed', 'values': [float('nan')] * 6}", "finite number"),
+        ("{'mode': 'speed', 'valus': [1.0] * 6}", "valus"),
+    ],
+)
+def test_invalid_command_is_reported(tmp_path: Path, data: str, message: str) -> None:
+    file = tmp_path / "odd.py"
+    file.write_text(
+        "from snr_sim import Endpoint, handles\n"
+        "class Odd(Endpoint):\n"
+        "    @handles('imu')\n"
+        "    def on_imu(self, imu):\n"
+        f"        return self.store_data_task('drive', {data})\n"
+        "def factories(robot):\n"
+        "    return [Odd.factory()]\n"
+    )
+    result, _ = run(file)
+    assert message in result.error
+
+
+def test_template_drives_up_into_the_sand() -> None:
+    result, plant = run(ROVER.path / "controller_template.py")
+    assert result.outcome in ("timeout", "off course")
+    assert plant.course[-1].position_m[0] > 5.0  # type: ignore[attr-defined]
+
+
+def test_wheel_rates_turn_the_rover_as_asked() -> None:
+    parameters = part("parameters").RoverParameters()
+    rates = part("drive").wheel_rates(parameters, 0.4, 0.3)
+    left, right = rates[0], rates[3]
+    assert left < right
+    assert 0.5 * (left + right) * 0.13 == pytest.approx(0.4)
+    fast = part("drive").wheel_rates(parameters, 9.0, 1.0)
+    assert max(map(abs, fast)) == pytest.approx(parameters.vehicle.motor.top_radps(20.0))
+    assert fast[0] / fast[3] == pytest.approx((9.0 - 2.5 * 0.38) / (9.0 + 2.5 * 0.38)), "the curve is the same"
+
+
+def test_unknown_vehicle_is_refused() -> None:
+    with pytest.raises(SnrError, match="cannot be read"):
+        part("parameters").vehicle("tank")
+    assert math.isclose(part("parameters").vehicle().mass_kg, 43.0)
