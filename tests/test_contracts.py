@@ -10,8 +10,8 @@ from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.prelude.device import PwmOut
-from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import DozerCommand, EngineCommand, MotorCommand, PwmCommand
 from snr_sim.scenario import library
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor

@@ -12,8 +12,7 @@ from snr_sim_robot_rover.drive import wheel_rates
 from snr_sim_robot_rover.parameters import RoverParameters
 
 from snr_sim import Endpoint, EndpointFactory, SomeTasks, handles
-from snr_sim.prelude.angles import wrap_rad
-from snr_sim.scenario import RobotInfo
+from snr_sim.scenario import RobotInfo, wrap_rad
 
 BRAKE_A = 6.0
 

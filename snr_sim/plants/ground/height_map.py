@@ -76,8 +76,8 @@ class HeightMap:
     def at(self, x_m: float, y_m: float) -> tuple[float, float, float]:
         """Return the height [m] at a place, and its slopes towards x and y.
 
-        >>> ramp((0.1, -0.2), 12.0).at(3.0, 1.0)
-        (0.1, 0.1, -0.2)
+        >>> [round(value, 9) for value in ramp((0.1, -0.2), 12.0).at(3.0, 1.0)]
+        [0.1, 0.1, -0.2]
         """
         per_m = self._per_m
         u, v = (x_m - self.corner_m[0]) * per_m, (y_m - self.corner_m[1]) * per_m

@@ -30,6 +30,7 @@ from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.parameter_limits import LIMITS, Record, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.sums import dot_product
 
 STEP_S = 0.002
 SETTLE_S = 1.0  # until rockers and bogies have found their angles
@@ -142,7 +143,7 @@ class Rover:
         height, slope_x, slope_y = self.ground.at(x, y)
         up = np.array([-slope_x, -slope_y, 1.0]) / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
         left = np.cross(up, [math.cos(heading), math.sin(heading), 0.0])
-        left /= math.sqrt(sum(x * x for x in left.tolist()))  # exact: three squares
+        left /= math.sqrt(dot_product(left.tolist(), left.tolist()))
         quat = np.zeros(4)
         self._world.mujoco.mju_mat2Quat(quat, np.stack([np.cross(left, up), left, up], axis=1).reshape(9))
         self._data.qpos[:7] = [x, y, height, *quat.tolist()]
@@ -213,7 +214,7 @@ class Rover:
         self._kinematics(model, data)
         contacts.before_step(self.steps)
         velocities = data.qvel.tolist()
-        total = sum(velocities)  # exact: only whether it is finite
+        total = sum(velocities)  # decides no run: only whether it is finite
         if total - total != 0.0:
             self._world.check_finite()
         rates = [velocities[dof] for dof in self._dofs]

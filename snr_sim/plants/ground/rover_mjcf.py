@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle, Wheel
+from snr_sim.prelude.sums import dot_product, ordered_sum
 
 GRAVITY_MPS2 = 9.81
 SOFT = 'solref="0.1 1" solimp="0 0.95 0.01"'  # of tyres: 9 mm at 73 N
@@ -86,7 +87,7 @@ def _side(vehicle: RoverVehicle, side: str) -> str:
     hung = vehicle.suspension
     assert hung is not None
     ours = [wheel for wheel in vehicle.wheels if wheel.side == side]
-    y = sum(wheel.position_m[1] for wheel in ours) / len(ours)  # exact: a few numbers of the same sign
+    y = ordered_sum(wheel.position_m[1] for wheel in ours) / len(ours)
     pivot = (hung.rocker_pivot_m[0], y, hung.rocker_pivot_m[1])
     bogie = (hung.bogie_pivot_m[0], y, hung.bogie_pivot_m[1])
     on_rocker, on_bogie = ([wheel for wheel in ours if wheel.hangs_on == part] for part in ("rocker", "bogie"))
@@ -122,14 +123,14 @@ def _wheel(vehicle: RoverVehicle, wheel: Wheel, parent: tuple[float, float, floa
 def _arm(mass_kg: float, origin: tuple[float, ...], ends: Sequence[tuple[float, ...]]) -> str:
     """Return mass and inertia of an arm from its pivot to some ends, as of thin rods of equal mass."""
     share, rods = mass_kg / len(ends), [_from(origin, end) for end in ends]
-    middle = [sum(rod[i] for rod in rods) * 0.5 / len(rods) for i in range(3)]  # exact: two or three numbers
+    middle = [ordered_sum(rod[i] for rod in rods) * 0.5 / len(rods) for i in range(3)]
     inertia = [1e-4 * mass_kg] * 3
     for rod in rods:
-        length2 = sum(x * x for x in rod)  # exact: three squares
+        length2 = dot_product(rod, rod)
         away = [0.5 * x - m for x, m in zip(rod, middle, strict=True)]
         for i in range(3):
             inertia[i] += share * (length2 - rod[i] ** 2) / 12.0
-            inertia[i] += share * (sum(x * x for x in away) - away[i] ** 2)  # exact: three squares
+            inertia[i] += share * (dot_product(away, away) - away[i] ** 2)
     return _inertial(middle, mass_kg, inertia)
 
 

@@ -12,6 +12,7 @@ from snr_sim.plants.battery import BatteryPack
 from snr_sim.plants.ground.dc_motor import DcMotor
 from snr_sim.plants.parameter_limits import GRAMS, IS_ABOVE, LIMITS, MILLIMETRES, Limit, Record, check_valid
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.sums import ordered_sum
 
 PART_KG = Limit(0.0, 500.0, "kg", "a rover that people lift has 50", GRAMS, IS_ABOVE)
 PART_M = Limit(-5.0, 5.0, "m", "a rover that people lift is smaller", MILLIMETRES)
@@ -124,4 +125,4 @@ class RoverVehicle(Record, who="The rover's "):
     def mass_kg(self) -> float:
         """Mass of all."""
         hung = 2.0 * (self.suspension.rocker_kg + self.suspension.bogie_kg) if self.suspension else 0.0
-        return self.chassis_kg + hung + sum(wheel.mass_kg for wheel in self.wheels)  # exact: a few positive numbers
+        return self.chassis_kg + hung + ordered_sum(wheel.mass_kg for wheel in self.wheels)

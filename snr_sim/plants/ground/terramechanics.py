@@ -71,7 +71,7 @@ class Bekker(Record, who="The soil's "):
         """Return how deep a wheel sinks [m], at most to its axle.
 
         >>> round(DRY_SAND.sinkage_m(70.0, 0.13, 0.1), 4)
-        0.0073
+        0.0165
         """
         if load_n <= 0.0:
             return 0.0
