@@ -92,7 +92,8 @@ def test_belly_rests_on_a_crest() -> None:
     crest = HeightMap([[-0.45 * abs(x) for x in along] for _ in along], 0.25, (along[0], along[0]))
     rover = Rover(replace(VEHICLE, center_m=(0.0, 0.0, 0.25)), crest, lambda seed: RoverStart())
     go(rover, 1.0, DriveCommand("brake", [6.0] * 6))
-    carried_n = sum(vector[5] for vector in rover.truth()["vectors"].values())
+    upwards = zip(rover.contacts.planes, rover.contacts.read_loads(), strict=True)
+    carried_n = sum(plane[5] * load_n for plane, load_n in upwards)
     assert carried_n < 0.9 * VEHICLE.mass_kg * 9.81, "the belly carries the rest"
     assert rover.contacts.hits == 0, "the ground is not a rock"
     lowest_m = rover.read("pose").position_m[2] + 0.25 - 0.5 * VEHICLE.size_m[2]

@@ -64,11 +64,10 @@ class RoverInstruments:
         w, x, y, z = attitudes[self._chassis]
         roll, pitch, yaw = roll_pitch_yaw_rad((w, x, y, z))
         vx, vy, vz = data.qvel[:3].tolist()
-        loaded = zip(self._vehicle.wheels, contacts.planes, contacts.read_loads(), strict=True)
-        vectors = {f"load_{wheel.name}": [*at[:3], *(load_n * n for n in at[3:])] for wheel, at, load_n in loaded}
+        loaded = zip(self._vehicle.wheels, contacts.read_loads(), strict=True)
         return {
             "poses": poses,
-            "vectors": vectors,
+            "vectors": {},
             "values": {
                 "speed_mps": math.sqrt(vx * vx + vy * vy + vz * vz),
                 "roll_rad": roll,
@@ -77,5 +76,6 @@ class RoverInstruments:
                 "voltage_v": motors.voltage_v,
                 "current_a": motors.current_a,
                 "hit_n": contacts.hit_n,
+                **{f"load_{wheel.name}_n": load_n for wheel, load_n in loaded},
             },
         }
