@@ -26,7 +26,8 @@ def draw_scene(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     """Draw the whole scene."""
     main = next(iter(tracks.poses))
     bodies = header.scene["bodies"]
-    feet_m, size_m = feet_and_size(bodies)
+    size_m = feet_and_size(bodies)[1]
+    feet_m = lowest_m(bodies, {name: poses[0] for name, poses in tracks.poses.items()})
     feet = world_from_body(tracks.poses[main], np.array([0.0, 0.0, feet_m]))
     is_time = bool(np.ptp(feet[:, 0]) < 0.02 * np.ptp(feet[:, 2]))
     along = tracks.times_s if is_time else feet[:, 0]
@@ -51,6 +52,18 @@ def draw_scene(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     if track_view.enlargement > 1.5:
         words = f"{main} drawn {track_view.enlargement:.0f} times its size"
         sheet.text((SCENE[2] - 8, SCENE[1] + 8), words, 9.0, FAINT, "rt")
+
+
+def lowest_m(bodies: dict[str, list[dict[str, Any]]], poses: dict[str, Any]) -> float:
+    """Return the lowest point of all bodies in their poses, in the frame of the first of them [m]."""
+    x, y, z, *vector, w = np.asarray(next(iter(poses.values())), float).tolist()
+    back = [0.0, 0.0, 0.0, *(-one for one in vector), w]  # turns from the world's axes into the body's
+    low = [
+        world_from_body(back, world_from_body(poses[body], points_of(shape)) - [x, y, z])[:, 2].min()
+        for body in poses
+        for shape in bodies[body]
+    ]
+    return float(min(low))
 
 
 def ground_cuts(statics: dict[str, Any]) -> list[Cut]:
