@@ -90,7 +90,7 @@ def test_lab_has_files_reference_and_four_tested_mistakes(lab: Path) -> None:
 def parameters(module: ModuleType) -> set[Any]:
     """Return all values that the tests of a module are parametrised with."""
     marks = [mark for one in vars(module).values() for mark in getattr(one, "pytestmark", [])]
-    rows = [row for mark in marks if mark.name == "parametrize" for row in mark.args[1]]
+    rows = [getattr(row, "values", row) for mark in marks if mark.name == "parametrize" for row in mark.args[1]]
     return {value for row in rows for value in (row if isinstance(row, tuple) else (row,)) if isinstance(value, str)}
 
 

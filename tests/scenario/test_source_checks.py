@@ -14,7 +14,7 @@ from tests.assignments.mistakes import write_solution, write_starter
 from tests.cli.student_mistakes import GENTLE
 
 ROOT = Path(__file__).parents[2]
-SCENARIOS = {"housecat": "housecat_clear", "lander": "lander_pad", "urov": "urov_depth_hold"}
+SCENARIOS = {"housecat": "housecat_clear", "lander": "lander_pad", "rover": "rover_hill", "urov": "urov_depth_hold"}
 CONTROLLERS = sorted(
     path for path in ROOT.glob("robots/*/controllers/*.py") if path.stem not in ("q",) and path.stem[0] != "_"
 )

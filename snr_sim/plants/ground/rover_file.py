@@ -12,6 +12,7 @@ import msgspec
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.parameter_limits import check_valid
 from snr_sim.prelude.errors import ParameterError, suggest
+from snr_sim.prelude.task import ensure_type_info
 
 
 def read_rover(path: Path | str) -> RoverVehicle:
@@ -31,7 +32,7 @@ def read_rover(path: Path | str) -> RoverVehicle:
         ) from error
     try:
         _check_names(tables, RoverVehicle, "the file")
-        return msgspec.convert(tables, RoverVehicle)
+        return msgspec.convert(tables, ensure_type_info(RoverVehicle))
     except msgspec.ValidationError as error:
         cause = error.__cause__
         if isinstance(cause, ParameterError):
