@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from snr_sim.plants.attitude import rotation_of
 from snr_sim.plants.ground.rover_motors import RoverMotors
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.ground.wheel_contacts import WheelContacts
@@ -41,8 +42,8 @@ class RoverInstruments:
         return self._motors.reading(wheel, rate, turned, time_s)
 
     def _imu(self, time_s: float) -> ImuOutput:
-        """Return rate and specific force as they were in the last step, which computed them."""
-        a, b, c, d, e, f, g, h, i = self._data.xmat[self._chassis].tolist()
+        """Return the field here and now, and rate and specific force as the last step computed them."""
+        a, b, c, d, e, f, g, h, i = rotation_of(tuple(self._data.qpos[3:7].tolist()))
         east, north, up = FIELD_UT
         field = [a * east + d * north + g * up, b * east + e * north + h * up, c * east + f * north + i * up]
         return ImuOutput(self._rate.tolist(), self._force.tolist(), field, time_s)
