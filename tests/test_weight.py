@@ -30,7 +30,7 @@ MAX_LINES = {
     "robots": 4500,
     "scenarios": 1830,
     "assignments": 8500,
-    "tests": 88700,
+    "tests": 89500,
     "snr_sim/grading/sandbox": 800,
 }
 

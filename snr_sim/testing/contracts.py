@@ -104,6 +104,7 @@ def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | N
     _check_time(plant)
     _check_shown(plant)
     _check_same_bits(plant, make_plant(), commands or {})
+    _check_unobserved(plant, make_plant(), commands or {})
     _check_snapshot(plant, commands or {})
     for name, command in (commands or {}).items():
         _check_nan(plant, name, command)
@@ -213,6 +214,21 @@ def _check_same_bits(one: Plant, other: Plant, commands: Mapping[str, Any]) -> N
     _same(_state(one), _state(other), "nothing of the run before survives reset(3)")
 
 
+def _check_unobserved(one: Plant, other: Plant, commands: Mapping[str, Any]) -> None:
+    """Check that a plant whose truth is recorded and whose outputs are read goes where one goes that is left alone."""
+    for plant in (one, other):
+        plant.reset(3)
+        for name, command in commands.items():
+            plant.write(name, command)
+    for _ in range(_STEPS):
+        for plant in (one, other):
+            plant.step(plant.step_s or _DEFAULT_STEP_S)
+        one.truth()
+        seen = _readings(one)
+    _same(seen, _readings(other), "truth() and read() change no output")
+    _same(_state(one), _state(other), "truth() and read() change no motion")
+
+
 def _check_snapshot(plant: Plant, commands: Mapping[str, Any]) -> None:
     plant.reset(5)
     _go(plant, commands)
@@ -271,9 +287,12 @@ def _go(plant: Plant, commands: Mapping[str, Any]) -> None:
 
 def _state(plant: Plant) -> bytes:
     """All that can be seen of a plant, with every bit of every float."""
-    return encode_value(
-        [plant.time_s, plant.truth(), {name: msgspec.to_builtins(plant.read(name)) for name in plant.outputs}]
-    )
+    return encode_value([plant.time_s, plant.truth()]) + _readings(plant)
+
+
+def _readings(plant: Plant) -> bytes:
+    """All outputs of a plant, with every bit of every float."""
+    return encode_value({name: msgspec.to_builtins(plant.read(name)) for name in plant.outputs})
 
 
 def _same(one: bytes, other: bytes, rule: str) -> None:

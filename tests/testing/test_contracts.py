@@ -208,6 +208,25 @@ class Cart:
         }
 
 
+class ReadsWhatWasRecorded(Cart):
+    """A sensor that sees the last step's place, but that of now once the truth was recorded."""
+
+    def reset(self, seed: int) -> None:
+        super().reset(seed)
+        self.seen_m = self.x_m
+
+    def step(self, dt_s: float) -> None:
+        self.seen_m = self.x_m
+        super().step(dt_s)
+
+    def read(self, name: str) -> Any:
+        return Depth(self.seen_m, self.time_s)
+
+    def truth(self) -> dict[str, Any]:
+        self.seen_m = self.x_m
+        return super().truth()
+
+
 class RemembersSpeed(Cart):
     def reset(self, seed: int) -> None:
         speed_mps = getattr(self, "v_mps", 0.0)
@@ -284,6 +303,7 @@ def test_valid_plant_passes() -> None:
     [
         (RemembersSpeed, r"nothing of the run before survives reset\(3\)"),
         (Chancy, "same bits"),
+        (ReadsWhatWasRecorded, r"truth\(\) and read\(\) change no output"),
         (HalfSnapshot, "restored once"),
         (ConsumedSnapshot, "restored twice"),
         (StandsStill, "step 0 of 0.1 s moved time by 0.0 s"),
