@@ -1,0 +1,121 @@
+"""Rover: cost of motors, planes and soil compared with MuJoCo's own step of the same world; a minute of a climb.
+
+Run by `snr bench rover`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from harness import Row, compare
+
+from snr_sim.plants import DRY_SAND, HeightMap, Rover, RoverStart, make_hills, read_rover
+from snr_sim.plants.ground.height_map import flat
+from snr_sim.plants.ground.rover import STEP_S
+from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.recording.trace import FILE_NAME
+from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation_run import SimulationRun, run_recorded
+
+VEHICLE = read_rover(Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml")
+AHEAD = DriveCommand("speed", [4.0] * 3 + [5.0] * 3)
+STEPS = 2000
+HILLS_LIMIT_US, SOIL_LIMIT_US, RATIO_LIMIT = 70.0, 100.0, 2.5
+CLIMB, CLIMB_LIMIT_S, RECORDED_LIMIT_S = "rover_hill", 4.0, 5.0
+
+
+def driving(ground: HeightMap, soil: Any = None) -> Rover:
+    """Return a rover that has driven a curve for a second."""
+    rover = Rover(VEHICLE, ground, lambda seed: RoverStart(), soil)
+    rover.write("drive", AHEAD)
+    for _ in range(round(1.0 / STEP_S)):
+        rover.step(STEP_S)
+    return rover
+
+
+def bare() -> Callable[[], Any]:
+    """Return what steps the world of a rover on level ground in MuJoCo alone."""
+    world = driving(flat())._world
+    step, model, data = world.mujoco.mj_step, world.model, world.data
+
+    def run() -> None:
+        for _ in range(STEPS):
+            step(model, data)
+
+    return run
+
+
+def steps_of(ground: HeightMap, soil: Any = None) -> Callable[[], Any]:
+    """Return what steps a rover."""
+    rover = driving(ground, soil)
+
+    def run() -> None:
+        for _ in range(STEPS):
+            rover.step(STEP_S)
+
+    return run
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yield the rows: CPU time of one step, and of a minute with its node."""
+    hills = make_hills(3, 0.5)
+    found = compare(
+        bare,
+        lambda: steps_of(flat()),
+        lambda: steps_of(hills),
+        lambda: steps_of(hills, DRY_SAND),
+        rounds=3 if is_quick else 15,
+    )
+    names = ("on level ground", "on hills", "on hills of dry sand")
+    for i, (name, limit_us) in enumerate(zip(names, (None, HILLS_LIMIT_US, SOIL_LIMIT_US), strict=True), start=1):
+        yield Row(
+            f"rover, a step {name}, with motors and battery",
+            1e6 * found.shortest_s[i] / STEPS,
+            "us",
+            limit=limit_us,
+            baseline=1e6 * found.shortest_s[0] / STEPS,
+            compared_to="bare mj_step of the same world on level ground",
+            ratio=found.ratios[i],
+            ratio_limit=RATIO_LIMIT if i == 2 else None,
+        )
+    yield from climbs(2 if is_quick else 5)
+
+
+def climbs(rounds: int) -> Iterator[Row]:
+    """Yield the time of a minute of a climb: node, sensors and plant in lock step, with the trace and without."""
+    simulation = prepare(Request(CLIMB))
+    times_s: list[float] = []
+
+    def alone() -> Callable[[], Any]:
+        plant = simulation.plant()
+        flight = SimulationRun(simulation, plant, simulation.config(plant))
+
+        def run() -> None:
+            result = flight.run()
+            assert result.success
+            times_s.append(result.sim_time_s)
+
+        return run
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / FILE_NAME
+
+        def recorded() -> Callable[[], Any]:
+            path.unlink(missing_ok=True)
+            return lambda: run_recorded(simulation, path)
+
+        found = compare(alone, recorded, rounds=rounds)
+    per_minute = 60.0 / times_s[0]
+    yield Row(f"rover, 60 s of {CLIMB} in lock step", per_minute * found.shortest_s[0], "s", limit=CLIMB_LIMIT_S)
+    yield Row(
+        "rover, the same with the trace",
+        per_minute * found.shortest_s[1],
+        "s",
+        limit=RECORDED_LIMIT_S,
+        baseline=per_minute * found.shortest_s[0],
+        compared_to="the same without a trace",
+        ratio=found.ratios[1],
+    )
