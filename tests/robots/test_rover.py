@@ -8,7 +8,10 @@ from types import ModuleType
 
 import pytest
 
+from snr_sim.plants import Rover, RoverStart
+from snr_sim.plants.ground.height_map import flat
 from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.ground_signals import DriveCommand
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
@@ -107,6 +110,16 @@ def test_wheel_rates_turn_the_rover_as_asked() -> None:
     fast = part("drive").wheel_rates(parameters, 9.0, 1.0)
     assert max(map(abs, fast)) == pytest.approx(parameters.vehicle.motor.top_radps(20.0))
     assert fast[0] / fast[3] == pytest.approx((9.0 - 2.5 * 0.38) / (9.0 + 2.5 * 0.38)), "the curve is the same"
+
+
+@pytest.mark.parametrize(("speed_mps", "turn_radps"), [(0.5, 0.2), (0.6, -0.1), (0.0, 0.6)])
+def test_plant_turns_at_the_rate_that_is_asked_of_its_wheels(speed_mps: float, turn_radps: float) -> None:
+    parameters = part("parameters").RoverParameters()
+    rover = Rover(parameters.vehicle, flat(), lambda seed: RoverStart())
+    rover.write("drive", DriveCommand("speed", part("drive").wheel_rates(parameters, speed_mps, turn_radps)))
+    for _ in range(1500):
+        rover.step(rover.step_s)
+    assert rover.read("imu").rate_radps[2] == pytest.approx(turn_radps, rel=0.25)
 
 
 def test_unknown_vehicle_is_refused() -> None:
