@@ -7,7 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from snr_sim.plants.ground.dc_motor import MODES
 from snr_sim.plants.ground.height_map import HeightMap, flat, make_hills, ramp
 from snr_sim.plants.ground.rocks import Ledge, Rock
 from snr_sim.plants.ground.rover import Rover, RoverStart
@@ -148,6 +151,24 @@ def test_scene_shows_each_body_of_the_truth() -> None:
     assert set(scene["bodies"]) == set(rover.truth()["poses"])
     assert {"ground", "obstacle_0", "obstacle_1"} == set(scene["statics"])
     json.dumps(scene)
+
+
+commands = st.builds(
+    DriveCommand, st.sampled_from(MODES), st.lists(st.floats(-1e6, 1e6), min_size=6, max_size=6) | st.just([])
+)
+
+
+@given(st.lists(commands, max_size=6), st.sampled_from(sorted(WORLDS)))
+def test_any_commands_leave_a_rover_that_moves_as_its_motors_can(given_: list[DriveCommand], world: str) -> None:
+    rover = WORLDS[world]()
+    for command in given_:
+        charge = rover.read("power").charge
+        go(rover, 0.05, command)
+        x, y, z = rover.read("pose").position_m
+        assert abs(z - rover.ground.at(x, y)[0]) < 0.5
+        assert rover.speed_mps < 4.0
+        assert max(abs(rover.read(name).current_a) for name in rover.outputs if "motor" in name) < 6.0 + 1e-9
+        assert rover.read("power").charge <= charge
 
 
 # -- what is refused --------------------------------------------------------------------------------------------------
