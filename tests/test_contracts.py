@@ -86,6 +86,11 @@ def devices(found: library.FoundItem, engine: str) -> Iterator[AnyFactory]:
         yield from factories
 
 
+@pytest.mark.parametrize("found", library.list_available("robots"), ids=lambda found: found.name)
+def test_robot_states_its_options_so_that_a_misspelt_one_is_refused(found: library.FoundItem) -> None:
+    assert isinstance(library.load_robot(found).OPTIONS, dict)
+
+
 @every_scenario
 def test_plants_pass_contract(found: library.FoundItem, engine: str) -> None:
     scenario, _ = load(found)

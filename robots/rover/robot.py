@@ -29,6 +29,7 @@ from .parameters import MOTOR_ERRORS
 
 ROLES = ("rover",)
 IO = ("sim",)
+OPTIONS: dict[str, str] = {}
 MAX_VALUE = 100.0  # the motors' own limits are narrower, and depend on the mode
 
 
