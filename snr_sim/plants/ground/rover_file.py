@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
@@ -11,6 +10,7 @@ import msgspec
 
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.parameter_limits import check_valid
+from snr_sim.plants.toml_file import read_tables
 from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.task import ensure_type_info
 
@@ -24,12 +24,7 @@ def read_rover(path: Path | str) -> RoverVehicle:
     """
     check_valid(isinstance(path, str | Path), "The path of the rover's file", path, 'Path("vehicles/mine.toml").')
     path = Path(path)
-    try:
-        tables = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ParameterError(
-            f"The rover in {path} cannot be read: {error}", fix="compare it with competition.toml."
-        ) from error
+    tables = read_tables(path, "The rover", "competition.toml")
     try:
         _check_names(tables, RoverVehicle, "the file")
         return msgspec.convert(tables, ensure_type_info(RoverVehicle))

@@ -6,7 +6,6 @@ module converts them to ours.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.parameter_limits import check_number, check_valid, check_vector, checked_matrix, format_value
+from snr_sim.plants.toml_file import read_tables
 from snr_sim.plants.urov.vehicle import Matrix, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.sums import ordered_sum
@@ -45,7 +45,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
     """
     check_valid(isinstance(path, str | Path), "The path of the vehicle's file", path, 'Path("vehicles/mine.toml").')
     path = Path(path)
-    data = _tables(path)
+    data = read_tables(path, "The vehicle", "benzon2022.toml")
     try:
         vehicle = _vehicle(path.stem, data)
         # A vehicle that cannot be trimmed is reported with its file, not when it is put into water.
@@ -56,22 +56,6 @@ def read_vehicle(path: Path | str) -> Vehicle:
     except ParameterError as error:
         raise ParameterError(f"{path.name}: {error.message}", fix=error.fix) from error
     return vehicle
-
-
-def _tables(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        line = error.object[: error.start].count(b"\n") + 1
-        raise ParameterError(
-            f"The vehicle in {path} cannot be read: line {line} has the byte 0x{error.object[error.start]:02x}, which "
-            "is not UTF-8.",
-            fix="save the file as UTF-8.",
-        ) from error
-    except (OSError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ParameterError(
-            f"The vehicle in {path} cannot be read: {error}", fix="compare it with benzon2022.toml."
-        ) from error
 
 
 def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
