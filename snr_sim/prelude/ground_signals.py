@@ -34,9 +34,7 @@ class MotorReading(msgspec.Struct, frozen=True):
         battery_a: from the battery.
         duty: voltage at the motor over that of the battery, -1 to 1.
         voltage_v: of the battery at the controller.
-        temperature_c: of the controller.
         turned_rad: how far the wheel has turned.
-        fault: a word, or empty.
     """
 
     speed_radps: float
@@ -44,7 +42,5 @@ class MotorReading(msgspec.Struct, frozen=True):
     battery_a: float
     duty: float
     voltage_v: float
-    temperature_c: float
     turned_rad: float
-    fault: str
     stamp_s: float

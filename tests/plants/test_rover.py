@@ -139,7 +139,7 @@ def test_readings_are_of_the_motion() -> None:
     assert left.turned_rad == pytest.approx(20.0, rel=0.05)
     assert 0.0 < left.duty < 0.3
     imu = rover.read("imu")
-    assert imu.specific_force_mps2 == pytest.approx([0.0, 0.0, 9.81], abs=0.02)
+    assert imu.specific_force_mps2 == pytest.approx([0.0, 0.0, 9.80665], abs=0.02)
     assert imu.field_ut == pytest.approx([0.0, 20.0, -44.0], abs=0.1)
     assert rover.read("pose").position_m[0] == pytest.approx(20.0 * 0.1255, rel=0.05)
     assert json.loads(json.dumps(rover.truth()))["values"]["speed_mps"] == pytest.approx(5.0 * 0.1255, rel=0.01)

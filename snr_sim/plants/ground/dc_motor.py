@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, get_args
 
 from snr_sim.plants.parameter_limits import IS_ABOVE, Limit, Record
+from snr_sim.prelude.ground_signals import DriveMode
 
 KV = Limit(0.01, 1e4, "rad/s per V", "150 rpm per V are 15.7", {"rpm per V": math.pi / 30.0})
 ROTOR_KGM2 = Limit(0.0, 0.1, "kg m2", "a motor of a kilogram has 0.0001", {"g cm2": 1e-7})
@@ -22,7 +23,7 @@ CURRENT_A = Limit(0.0, 1000.0, "A", "a rover's controllers give 50", {"milliampe
 GAIN_NMS = Limit(0.0, 1e4, "N m s/rad", "it is a torque for each rad/s that is missing", {}, IS_ABOVE)
 OHM = Limit(0.0, 10.0, "ohm", "motors of a rover have 0.05 to 1", {"milliohms": 1e-3}, IS_ABOVE)
 SHARE = Limit(0.0, 1.0, "", "it is a share of the whole", {"percent": 1e-2}, IS_ABOVE)
-MODES = ("speed", "current", "duty", "brake", "off")
+MODES: tuple[str, ...] = get_args(DriveMode)
 
 
 class Drive(NamedTuple):

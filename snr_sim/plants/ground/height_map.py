@@ -117,10 +117,13 @@ class HeightMap:
         """
         (x, y, z), (px, py, pz, nx, ny, nz) = place_m, last
         above_m = (x - px) * nx + (y - py) * ny + (z - pz) * nz
-        x, y = x - above_m * nx, y - above_m * ny
-        height, slope_x, slope_y = self.at(x, y)
+        return self.plane_at(x - above_m * nx, y - above_m * ny)
+
+    def plane_at(self, x_m: float, y_m: float) -> Plane:
+        """Return the plane that touches the ground at a place."""
+        height, slope_x, slope_y = self.at(x_m, y_m)
         up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-        return x, y, height, -slope_x * up, -slope_y * up, up
+        return x_m, y_m, height, -slope_x * up, -slope_y * up, up
 
     def min_radius_m(self) -> float:
         """Return the least radius of curvature of a hollow along x or y [m]; infinity where there is none.

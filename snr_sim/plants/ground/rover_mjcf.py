@@ -14,9 +14,9 @@ from collections.abc import Iterable, Sequence
 
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle, Wheel
+from snr_sim.plants.ground.traction import GRAVITY_MPS2
 from snr_sim.prelude.sums import dot_product, ordered_sum
 
-GRAVITY_MPS2 = 9.81
 SOFT = 'solref="0.1 1" solimp="0 0.95 0.01"'  # of tyres: 9 mm at 73 N
 STIFF = 'solreffriction="0.02 1" solimpfriction="0.999 0.999 0.001"'  # of brakes: with MuJoCo's own they creep
 IMPRATIO = 30  # friction is so much stiffer than pressure: on a slope of 20 degrees a locked rover creeps at 0.6 mm/s

@@ -16,7 +16,6 @@ from snr_sim.prelude.ground_signals import MotorReading
 
 SAME_V = 0.02  # the motors' lines are computed again when the voltage has changed by more
 FREE_NM = 1e-9  # friction of an axle without any: MuJoCo has no row for one of 0
-AIR_C = 20.0
 NEUTRAL_BRAKE_A = 4.0  # holds until 25 degrees
 
 
@@ -105,7 +104,7 @@ class RoverMotors:
         volts = current_a * motor.resistance_ohm + rate_radps * motor.v_per_radps
         duty = min(1.0, max(-1.0, volts / supply_v)) if supply_v > 0.0 else 0.0
         battery_a = max(0.0, current_a * duty)
-        return MotorReading(rate_radps, current_a, battery_a, duty, supply_v, AIR_C, turned_rad, "", time_s)
+        return MotorReading(rate_radps, current_a, battery_a, duty, supply_v, turned_rad, time_s)
 
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that MuJoCo's does not hold."""

@@ -17,7 +17,6 @@ PLACE_STEPS = 20  # until the nearest point of the ground is found, from none
 SOIL_STEPS = 10  # the kind of ground under a wheel is looked up each 0.02 s
 BELLY_STEPS = 5
 CREEP_MPS = 0.01  # below this speed the resistance of soil falls to 0 with it: where nothing moves there is none
-FAR_M = 100.0
 
 SoilAt = Callable[[float, float], Ground]
 
@@ -69,10 +68,9 @@ class WheelContacts:
         self.planes = planes = list(map(self._ground.plane_under, centers_m, self.planes))
         positions: list[float] = []
         quaternions: list[float] = []
-        for x, y, z, nx, ny, nz in planes:  # the shortest turn that brings z to the normal
-            size = 1.0 / math.sqrt(2.0 + 2.0 * nz)
-            positions += x, y, z
-            quaternions += (1.0 + nz) * size, -ny * size, nx * size, 0.0
+        for plane in planes:
+            positions += plane[:3]
+            quaternions += quaternion_to(*plane[3:])
         self._plane_pos[:] = positions
         self._plane_quat[:] = quaternions
 
@@ -161,17 +159,15 @@ class WheelContacts:
         """Lay the belly's plane under that of its points which is nearest to the ground."""
         (x, y, z), rotation = self._data.xpos[self._chassis].tolist(), self._data.xmat[self._chassis].tolist()
         a, b, c, d, e, f, g, h, i = rotation
-        at, lowest_m = self._ground.at, FAR_M
+        at, lowest_m, lowest = self._ground.at, math.inf, (x, y)
         for u, v, w in self._belly:
             px, py, pz = x + a * u + b * v + c * w, y + d * u + e * v + f * w, z + g * u + h * v + i * w
-            height, slope_x, slope_y = at(px, py)
-            if pz - height < lowest_m:
-                lowest_m, plane = pz - height, (px, py, height, slope_x, slope_y)
-        px, py, height, slope_x, slope_y = plane
-        up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-        size = 1.0 / math.sqrt(2.0 + 2.0 * up)
-        self._belly_pos[:] = px, py, height
-        self._belly_quat[:] = (1.0 + up) * size, slope_y * up * size, -slope_x * up * size, 0.0
+            above_m = pz - at(px, py)[0]
+            if above_m < lowest_m:
+                lowest_m, lowest = above_m, (px, py)
+        plane = self._ground.plane_at(*lowest)
+        self._belly_pos[:] = plane[:3]
+        self._belly_quat[:] = quaternion_to(*plane[3:])
 
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that MuJoCo's does not hold."""
@@ -183,3 +179,9 @@ class WheelContacts:
         planes, soils, self._is_firm, frictions, loads, self.hit_n, self.hits, self._touching = snapshot
         self.planes, self._soils, self._loads = list(planes), list(soils), list(loads)
         self._set_friction(list(frictions))
+
+
+def quaternion_to(nx: float, ny: float, nz: float) -> tuple[float, float, float, float]:
+    """Return the shortest turn that brings z to a unit vector that points up."""
+    size = 1.0 / math.sqrt(2.0 + 2.0 * nz)
+    return (1.0 + nz) * size, -ny * size, nx * size, 0.0

@@ -23,7 +23,7 @@ from .case import Case
 ROVER_STEPS_S = (0.001, 0.002, 0.004)
 VEHICLE = read_rover(Path(__file__).parents[3] / "robots" / "rover" / "vehicles" / "competition.toml")
 STRONG = replace(VEHICLE, motor=replace(VEHICLE.motor, limit_a=60.0))  # its brakes hold any wheel
-MOTOR, COUNT, GRAVITY = VEHICLE.motor, len(VEHICLE.wheels), 9.81
+MOTOR, COUNT, GRAVITY = VEHICLE.motor, len(VEHICLE.wheels), 9.80665
 RADIUS_M, WIDTH_M = VEHICLE.wheels[0].radius_m, VEHICLE.wheels[0].width_m
 LEFT, RIGHT = slice(0, 3), slice(3, 6)
 FRICTION = 0.8
