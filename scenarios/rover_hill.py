@@ -12,14 +12,14 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_rover.evaluation import Sample, Tracked, way_m
+from snr_sim_robot_rover.evaluation import BODIES, Sample, Tracked, way_m
 from snr_sim_robot_rover.parameters import RoverParameters, vehicle
 
 from snr_sim.plants import DRY_SAND, Coulomb, Ground, HeightMap, RoverStart
 from snr_sim.scenario import Verdict, rng_for
 
 ROBOT = "rover"
-ENGINES = ("mujoco",)
+ENGINES = ("mujoco", "pymunk")
 CONTROLLER = "climb"
 TIME_LIMIT_S = 90.0
 
@@ -70,7 +70,7 @@ def parameters(seed: int) -> RoverParameters:
 
 def plant(seed: int, engine: str) -> Tracked:
     """Return the rover at its start."""
-    return Tracked(vehicle(), ground(seed)[0], start, soil(seed), seed=seed)
+    return BODIES[engine](vehicle(), ground(seed)[0], start, soil(seed), seed=seed)
 
 
 def stand(plant: Tracked) -> list[Sample]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from snr_sim.plants import Rover
+from snr_sim.plants import Rover, Rover2D
+
+Body = Rover if TYPE_CHECKING else object
 
 SAMPLE_S = 0.1
 TIPPED_RAD = math.radians(60.0)
@@ -21,8 +23,8 @@ class Sample(NamedTuple):
     tilt_rad: float  # of the chassis, from upright
 
 
-class Tracked(Rover):
-    """A rover whose course is recorded ten times a second."""
+class Tracked(Body):
+    """A rover whose course is recorded ten times a second; which rover is the other base of a subclass."""
 
     course: list[Sample]
 
@@ -50,6 +52,17 @@ class Tracked(Rover):
     def has_tipped_over(self) -> bool:
         """Whether it lay on its side or back."""
         return bool(self.course) and self.course[-1].tilt_rad > TIPPED_RAD
+
+
+class TrackedRover(Tracked, Rover):
+    """In space, under MuJoCo."""
+
+
+class TrackedRover2D(Tracked, Rover2D):
+    """Seen from above, under pymunk."""
+
+
+BODIES: dict[str, type[Tracked]] = {"mujoco": TrackedRover, "pymunk": TrackedRover2D}  # the first is the default
 
 
 def way_m(course: list[Sample]) -> float:

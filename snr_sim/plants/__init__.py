@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from snr_sim.plants.ground.room_space import WALL_RADIUS_M as WALL_RADIUS_M
     from snr_sim.plants.ground.rover import Rover as Rover
     from snr_sim.plants.ground.rover import RoverStart as RoverStart
+    from snr_sim.plants.ground.rover_2d import Rover2D as Rover2D
     from snr_sim.plants.ground.rover_file import read_rover as read_rover
     from snr_sim.plants.ground.rover_vehicle import RoverVehicle as RoverVehicle
     from snr_sim.plants.ground.terramechanics import DRY_SAND as DRY_SAND

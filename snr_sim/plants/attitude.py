@@ -21,6 +21,23 @@ def rotation_of(attitude: Quaternion) -> Rotation:
     )  # fmt: skip
 
 
+def turned(first: Quaternion, then: Quaternion) -> Quaternion:
+    """Return the attitude of a body that is turned, in its own frame, from an attitude."""
+    (w, x, y, z), (a, b, c, d) = first, then
+    return (
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
+    )
+
+
+def in_body(rotation: Rotation, x: float, y: float, z: float) -> list[float]:
+    """Return the body's components of a vector of the world."""
+    a, b, c, d, e, f, g, h, i = rotation
+    return [a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z]
+
+
 def integrate_attitude(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Quaternion:
     """Return the attitude after turning at a rate (body frame) for a step.
 

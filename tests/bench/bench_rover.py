@@ -1,4 +1,4 @@
-"""Rover: cost of motors, planes and soil compared with MuJoCo's own step of the same world; a minute of a climb.
+"""Rover: a step in MuJoCo and in the plane, compared with MuJoCo's own of the same world; a minute of a climb.
 
 Run by `snr bench rover`.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 from harness import Row, compare
 
-from snr_sim.plants import DRY_SAND, HeightMap, Rover, RoverStart, make_hills, read_rover
+from snr_sim.plants import DRY_SAND, HeightMap, Rover, Rover2D, RoverStart, make_hills, read_rover
 from snr_sim.plants.ground.height_map import flat
 from snr_sim.plants.ground.rover import STEP_S
 from snr_sim.prelude.ground_signals import DriveCommand
@@ -23,13 +23,13 @@ from snr_sim.scenario.simulation_run import SimulationRun, run_recorded
 VEHICLE = read_rover(Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml")
 AHEAD = DriveCommand("speed", [4.0] * 3 + [5.0] * 3)
 STEPS = 2000
-HILLS_LIMIT_US, SOIL_LIMIT_US, RATIO_LIMIT = 70.0, 100.0, 2.5
+HILLS_LIMIT_US, SOIL_LIMIT_US, PLANE_LIMIT_US, RATIO_LIMIT = 70.0, 100.0, 20.0, 2.5
 CLIMB, CLIMB_LIMIT_S, RECORDED_LIMIT_S = "rover_hill", 4.0, 5.0
 
 
-def driving(ground: HeightMap, soil: Any = None) -> Rover:
+def driving(ground: HeightMap, soil: Any = None, body: type[Rover] | type[Rover2D] = Rover) -> Rover | Rover2D:
     """Return a rover that has driven a curve for a second."""
-    rover = Rover(VEHICLE, ground, lambda seed: RoverStart(), soil)
+    rover = body(VEHICLE, ground, lambda seed: RoverStart(), soil)
     rover.write("drive", AHEAD)
     for _ in range(round(1.0 / STEP_S)):
         rover.step(STEP_S)
@@ -38,7 +38,9 @@ def driving(ground: HeightMap, soil: Any = None) -> Rover:
 
 def bare() -> Callable[[], Any]:
     """Return what steps the world of a rover on level ground in MuJoCo alone."""
-    world = driving(flat())._world
+    rover = driving(flat())
+    assert isinstance(rover, Rover)
+    world = rover._world
     step, model, data = world.mujoco.mj_step, world.model, world.data
 
     def run() -> None:
@@ -48,9 +50,9 @@ def bare() -> Callable[[], Any]:
     return run
 
 
-def steps_of(ground: HeightMap, soil: Any = None) -> Callable[[], Any]:
+def steps_of(ground: HeightMap, soil: Any = None, body: type[Rover] | type[Rover2D] = Rover) -> Callable[[], Any]:
     """Return what steps a rover."""
-    rover = driving(ground, soil)
+    rover = driving(ground, soil, body)
 
     def run() -> None:
         for _ in range(STEPS):
@@ -67,10 +69,12 @@ def measure(is_quick: bool) -> Iterator[Row]:
         lambda: steps_of(flat()),
         lambda: steps_of(hills),
         lambda: steps_of(hills, DRY_SAND),
+        lambda: steps_of(hills, body=Rover2D),
         rounds=3 if is_quick else 15,
     )
-    names = ("on level ground", "on hills", "on hills of dry sand")
-    for i, (name, limit_us) in enumerate(zip(names, (None, HILLS_LIMIT_US, SOIL_LIMIT_US), strict=True), start=1):
+    names = ("on level ground", "on hills", "on hills of dry sand", "in the plane, on hills")
+    limits_us = (None, HILLS_LIMIT_US, SOIL_LIMIT_US, PLANE_LIMIT_US)
+    for i, (name, limit_us) in enumerate(zip(names, limits_us, strict=True), start=1):
         yield Row(
             f"rover, a step {name}, with motors and battery",
             1e6 * found.shortest_s[i] / STEPS,

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -14,6 +15,7 @@ from snr_sim.plants.ground.dc_motor import MODES
 from snr_sim.plants.ground.height_map import HeightMap, flat, make_hills, ramp
 from snr_sim.plants.ground.rocks import Ledge, Rock
 from snr_sim.plants.ground.rover import Rover, RoverStart
+from snr_sim.plants.ground.rover_2d import Rover2D
 from snr_sim.plants.ground.rover_file import read_rover
 from snr_sim.plants.ground.rover_vehicle import RockerBogie, RoverVehicle, Wheel
 from snr_sim.plants.ground.terramechanics import DRY_SAND, Coulomb
@@ -24,15 +26,19 @@ from snr_sim.testing.contracts import check_plant
 FILE = Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml"
 VEHICLE = read_rover(FILE)
 AHEAD = DriveCommand("speed", [5.0] * 6)
-WORLDS: dict[str, Callable[[], Rover]] = {
-    "hills": lambda: made(make_hills(3, 0.4)),
-    "sand": lambda: made(flat(), soil=DRY_SAND),
-    "rocks": lambda: made(flat(), rocks=(Rock((0.8, 0.38, -0.1), 0.18), Ledge((0.8, -0.38, 0.0), (0.1, 0.1, 0.03)))),
+ROCKS = (Rock((0.8, 0.38, -0.1), 0.18), Ledge((0.8, -0.38, 0.0), (0.1, 0.1, 0.03)))
+BODIES: tuple[Any, ...] = (Rover, Rover2D)
+WORLDS: dict[str, Callable[..., Any]] = {
+    "hills": lambda body=Rover: made(make_hills(3, 0.4), body=body),
+    "sand": lambda body=Rover: made(flat(), soil=DRY_SAND, body=body),
+    "rocks": lambda body=Rover: made(flat(), rocks=ROCKS, body=body),
 }
 
 
-def made(ground: HeightMap, soil: object = None, rocks: tuple[Rock | Ledge, ...] = (), **start: object) -> Rover:
-    return Rover(
+def made(
+    ground: HeightMap, soil: object = None, rocks: tuple[Rock | Ledge, ...] = (), body: Any = Rover, **start: object
+) -> Any:
+    return body(
         VEHICLE,
         ground,
         lambda seed: RoverStart(heading_rad=0.1 * seed, **start),
@@ -49,26 +55,29 @@ def go(rover: Rover, seconds: float, command: DriveCommand | None = None) -> Rov
     return rover
 
 
+@pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("world", WORLDS)
-def test_rover_implements_plant(world: str) -> None:
-    check_plant(WORLDS[world], {"drive": AHEAD})
+def test_rover_implements_plant(world: str, body: type[Rover]) -> None:
+    check_plant(lambda: WORLDS[world](body), {"drive": AHEAD})
 
 
+@pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("world", WORLDS)
 @pytest.mark.parametrize("mode", ["speed", "current", "duty", "brake"])
-def test_restored_run_continues_bit_for_bit(world: str, mode: str) -> None:
+def test_restored_run_continues_bit_for_bit(world: str, mode: str, body: type[Rover]) -> None:
     value = {"speed": 8.0, "current": 3.0, "duty": 0.9, "brake": 4.0}[mode]
-    rover = go(go(WORLDS[world](), 0.3, AHEAD), 0.301, DriveCommand(mode, [value] * 5 + [-value]))
+    rover = go(go(WORLDS[world](body), 0.3, AHEAD), 0.301, DriveCommand(mode, [value] * 5 + [-value]))
     then = rover.snapshot()
     expected = go(rover, 0.4).snapshot(), rover.truth(), rover.read("motor_RB")
-    other = WORLDS[world]()
+    other = WORLDS[world](body)
     go(other, 0.1, DriveCommand("duty", [1.0] * 6))
     other.restore(then)
     assert (go(other, 0.4).snapshot(), other.truth(), other.read("motor_RB")) == expected
 
 
-def test_rover_stands_on_a_slope_without_a_jolt() -> None:
-    rover = made(ramp((0.2, -0.1)), position_m=(3.0, 2.0))
+@pytest.mark.parametrize("body", BODIES)
+def test_rover_stands_on_a_slope_without_a_jolt(body: type[Rover]) -> None:
+    rover = made(ramp((0.2, -0.1)), position_m=(3.0, 2.0), body=body)
     rover.write("drive", DriveCommand("brake", [6.0] * 6))
     fastest = 0.0
     for _ in range(1000):
@@ -103,8 +112,9 @@ def test_belly_rests_on_a_crest() -> None:
     assert lowest_m > crest.at(0.0, 0.0)[0] - 0.02
 
 
-def test_soil_changes_where_its_map_says() -> None:
-    rover = made(flat(), soil=lambda x_m, y_m: DRY_SAND if x_m > 1.5 else Coulomb(0.8))
+@pytest.mark.parametrize("body", BODIES)
+def test_soil_changes_where_its_map_says(body: type[Rover]) -> None:
+    rover = made(flat(), soil=lambda x_m, y_m: DRY_SAND if x_m > 1.5 else Coulomb(0.8), body=body)
     go(rover, 2.0, AHEAD)
     firm = rover.truth()["values"]["speed_mps"]
     go(rover, 6.0)
@@ -112,28 +122,31 @@ def test_soil_changes_where_its_map_says() -> None:
     assert rover.truth()["values"]["speed_mps"] < 0.8 * firm, "wheels slip in sand"
 
 
-def test_caster_slides_without_friction() -> None:
+@pytest.mark.parametrize("body", BODIES)
+def test_caster_slides_without_friction(body: type[Rover]) -> None:
     wheels = (
         *(replace(wheel, hangs_on="chassis") for wheel in VEHICLE.wheels if wheel.name in ("LM", "RM")),
         Wheel("C", (-0.44, 0.01, 0.13), 0.13, 0.05, 0.5, friction_scale=0.0),
     )
     cart = replace(VEHICLE, wheels=wheels, suspension=None, center_of_mass_m=(-0.1, 0.0, 0.2))
-    rover = Rover(cart, flat(), lambda seed: RoverStart())
+    rover = body(cart, flat(), lambda seed: RoverStart())
     go(rover, 3.0, DriveCommand("speed", [-3.0, 3.0, 0.0]))
     turn = rover.read("imu").rate_radps[2]
     assert turn == pytest.approx(3.0 * 0.1255 / 0.38, rel=0.05), "two wheels alone decide how it turns"
 
 
-def test_empty_battery_stops_the_motors() -> None:
-    rover = made(flat(), charge=1e-5)
+@pytest.mark.parametrize("body", BODIES)
+def test_empty_battery_stops_the_motors(body: type[Rover]) -> None:
+    rover = made(flat(), charge=1e-5, body=body)
     go(rover, 4.0, AHEAD)
     assert rover.read("power").voltage_v == 0.0
     assert abs(rover.read("motor_LF").current_a) < 1e-6
     assert rover.truth()["values"]["speed_mps"] < 0.3
 
 
-def test_readings_are_of_the_motion() -> None:
-    rover = go(made(flat()), 4.0, AHEAD)
+@pytest.mark.parametrize("body", BODIES)
+def test_readings_are_of_the_motion(body: type[Rover]) -> None:
+    rover = go(made(flat(), body=body), 4.0, AHEAD)
     left = rover.read("motor_LF")
     assert left.speed_radps == pytest.approx(5.0, rel=0.01)
     assert left.turned_rad == pytest.approx(20.0, rel=0.05)
@@ -145,8 +158,9 @@ def test_readings_are_of_the_motion() -> None:
     assert json.loads(json.dumps(rover.truth()))["values"]["speed_mps"] == pytest.approx(5.0 * 0.1255, rel=0.01)
 
 
-def test_scene_shows_each_body_of_the_truth() -> None:
-    rover = WORLDS["rocks"]()
+@pytest.mark.parametrize("body", BODIES)
+def test_scene_shows_each_body_of_the_truth(body: type[Rover]) -> None:
+    rover = WORLDS["rocks"](body)
     scene = rover.scene()
     assert set(scene["bodies"]) == set(rover.truth()["poses"])
     assert {"ground", "obstacle_0", "obstacle_1"} == set(scene["statics"])
@@ -158,9 +172,11 @@ commands = st.builds(
 )
 
 
-@given(st.lists(commands, max_size=6), st.sampled_from(sorted(WORLDS)))
-def test_any_commands_leave_a_rover_that_moves_as_its_motors_can(given_: list[DriveCommand], world: str) -> None:
-    rover = WORLDS[world]()
+@given(st.lists(commands, max_size=6), st.sampled_from(sorted(WORLDS)), st.sampled_from(BODIES))
+def test_any_commands_leave_a_rover_that_moves_as_its_motors_can(
+    given_: list[DriveCommand], world: str, body: type[Rover]
+) -> None:
+    rover = WORLDS[world](body)
     for command in given_:
         charge = rover.read("power").charge
         go(rover, 0.05, command)
@@ -174,6 +190,7 @@ def test_any_commands_leave_a_rover_that_moves_as_its_motors_can(given_: list[Dr
 # -- what is refused --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize(
     ("name", "command", "error", "message"),
     [
@@ -185,9 +202,9 @@ def test_any_commands_leave_a_rover_that_moves_as_its_motors_can(given_: list[Dr
     ],
 )
 def test_invalid_command_is_refused_and_changes_nothing(
-    name: str, command: DriveCommand, error: type[Exception], message: str
+    name: str, command: DriveCommand, error: type[Exception], message: str, body: type[Rover]
 ) -> None:
-    rover = go(made(flat()), 0.1, AHEAD)
+    rover = go(made(flat(), body=body), 0.1, AHEAD)
     before = rover.snapshot()
     with pytest.raises(error, match=message):
         rover.write(name, command)
@@ -231,13 +248,14 @@ def test_wheel_and_suspension_are_checked() -> None:
         RockerBogie((0.1, 0.3), (-0.2, 0.2), 1.0, 1.0, 30)
 
 
-def test_too_rough_ground_and_odd_starts_are_refused() -> None:
+@pytest.mark.parametrize("body", BODIES)
+def test_too_rough_ground_and_odd_starts_are_refused(body: type[Rover]) -> None:
     with pytest.raises(ParameterError, match=r"wheel LF a radius of 0\.13 m"):
-        made(make_hills(1, relief_m=1.0, length_m=1.0, spacing_m=0.1))
+        made(make_hills(1, relief_m=1.0, length_m=1.0, spacing_m=0.1), body=body)
     with pytest.raises(ParameterError, match="return a RoverStart"):
-        Rover(VEHICLE, flat(), lambda seed: (0.0, 0.0))  # type: ignore[arg-type, return-value]
+        body(VEHICLE, flat(), lambda seed: (0.0, 0.0))  # type: ignore[arg-type, return-value]
     with pytest.raises(ParameterError, match=r"moves in steps of 0\.002 s"):
-        made(flat()).step(0.005)
+        made(flat(), body=body).step(0.005)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, SimulationRun
+from tests.lanes import slow
 from tests.scenarios.recorded import simulate
 
 ROVER = library.find("robots", "rover")
@@ -35,8 +36,9 @@ def part(name: str) -> ModuleType:
     return __import__(f"{library.ROBOT_MODULE}rover.{name}", fromlist=["*"])
 
 
-def test_rover_climbs_through_sand_and_stands_on_the_slope(tmp_path: Path) -> None:
-    result = simulate("rover_hill mujoco 0", tmp_path)
+@pytest.mark.parametrize("run", ["rover_hill pymunk 0", slow("rover_hill mujoco 0")])
+def test_rover_climbs_through_sand_and_stands_on_the_slope(run: str, tmp_path: Path) -> None:
+    result = simulate(run, tmp_path)
     assert (result.outcome, result.success) == ("stands", True)
     assert result.metrics["back_m"] < 0.05
     assert 15.0 < result.metrics["way_m"] < 20.0

@@ -155,7 +155,7 @@ class DiffDrive2D(GroundVehicle[DriveState]):
 
     def _echoes(self) -> list[float]:
         """Return the distances of the rays that hit something [m]."""
-        hits = (self._space.distance_m(origin, end) for origin, _, end in self._rays())
+        hits = (self._space.plane.distance_m(origin, end) for origin, _, end in self._rays())
         return [hit for hit in hits if hit is not None]
 
     def _look(self) -> None:

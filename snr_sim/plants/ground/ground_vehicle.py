@@ -77,7 +77,7 @@ class GroundVehicle(Generic[StateT]):
         self._state_type: Any = type(state)
         self.restore(state)
         self._place()
-        if not room.is_floor(*self.position_m) or self._space.contacts():
+        if not room.is_floor(*self.position_m) or self._space.plane.contacts():
             x, y = self.position_m
             raise ParameterError(
                 f"The start of seed {seed} is at ({x:g}, {y:g}) m, where the {self._name} has no room.",
@@ -129,7 +129,7 @@ class GroundVehicle(Generic[StateT]):
                     f"At {self.time_s:g} s the state is no longer finite.", fix="look at the last commands."
                 )
             self._place()
-            speeds, hit_mps = self._contacts.resolve(self._space, speeds)
+            speeds, hit_mps = self._contacts.resolve(self._space.plane, speeds)
             self.hit_mps = max(self.hit_mps, hit_mps)
         vx, vy, turn = self.speeds = speeds
         self.position_m = x + step_s * vx, y + step_s * vy
@@ -137,7 +137,7 @@ class GroundVehicle(Generic[StateT]):
         self.way_m += step_s * math.sqrt(vx * vx + vy * vy)
 
     def _place(self) -> None:
-        self._space.put_body(*self.position_m, self.heading_rad)
+        self._space.plane.put_body(*self.position_m, self.heading_rad)
 
 
 class DriveLag:

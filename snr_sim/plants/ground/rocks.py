@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
+from snr_sim.plants.ground.body_space import box_corners
 from snr_sim.plants.parameter_limits import IS_ABOVE, LIMITS, MILLIMETRES, Limit, Record
+from snr_sim.plants.pymunk_engine import pymunk_module
 from snr_sim.plants.shapes import box, mesh
 
 ROCK_PLACE_M = Limit(-1e4, 1e4, "m", "no field is larger", MILLIMETRES)
@@ -42,6 +45,17 @@ class Rock(Record, who="The rock's "):
         faces = [[i, j, k] for i in (0, 1) for j in (2, 3) for k in (4, 5)]
         return mesh(corners, faces, ROCK_RGB)
 
+    @property
+    def top_m(self) -> float:
+        """Height of its highest point."""
+        return self.center_m[2] + self.radius_m
+
+    def outline(self, floor_m: float, body: Any) -> Any:
+        """Return its widest section above a floor, as a shape of pymunk on a body."""
+        x, y, z = self.center_m
+        under_m = max(0.0, floor_m - z)
+        return pymunk_module().Circle(body, math.sqrt(max(0.0, self.radius_m**2 - under_m**2)), (x, y))
+
 
 @dataclass(frozen=True)
 class Ledge(Record, who="The ledge's "):
@@ -65,6 +79,16 @@ class Ledge(Record, who="The ledge's "):
     def shape(self) -> dict[str, Any]:
         """Return it for the viewer."""
         return box(list(self.center_m), list(self.half_size_m), ROCK_RGB)
+
+    @property
+    def top_m(self) -> float:
+        """Height of its upper side."""
+        return self.center_m[2] + self.half_size_m[2]
+
+    def outline(self, floor_m: float, body: Any) -> Any:
+        """Return its section above a floor, as a shape of pymunk on a body."""
+        (x, y, _), (a, b, _) = self.center_m, self.half_size_m
+        return pymunk_module().Poly(body, box_corners(a, b, (x, y)))
 
 
 Obstacle: TypeAlias = Rock | Ledge

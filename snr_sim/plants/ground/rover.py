@@ -16,19 +16,18 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from snr_sim.plants.ground.dc_motor import MODES
 from snr_sim.plants.ground.height_map import PLACE_M, HeightMap
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_instruments import RoverInstruments
 from snr_sim.plants.ground.rover_mjcf import rover_mjcf
-from snr_sim.plants.ground.rover_motors import RoverMotors
-from snr_sim.plants.ground.rover_shapes import ground_shape, rover_shapes
+from snr_sim.plants.ground.rover_motors import MujocoAxles, RoverMotors
+from snr_sim.plants.ground.rover_shapes import rover_scene
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.ground.terramechanics import Coulomb, Ground
 from snr_sim.plants.ground.wheel_contacts import SoilAt, WheelContacts
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.parameter_limits import LIMITS, Record, check_number, check_valid
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
+from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.prelude.ground_signals import DriveCommand
 from snr_sim.prelude.sums import dot_product
 
@@ -50,6 +49,22 @@ class RoverStart(Record, who="The rover's start's "):
     position_m: Annotated[tuple[float, float], PLACE_M, ("x", "y")] = (0.0, 0.0)
     heading_rad: Annotated[float, LIMITS["angle_rad"]] = 0.0
     charge: Annotated[float, LIMITS["share"]] = 1.0
+
+
+def checked_soil(vehicle: RoverVehicle, ground: HeightMap, soil: Ground | SoilAt | None, step_s: float) -> SoilAt:
+    """Return what the ground is made of at a place, of a world that is valid for these wheels and steps."""
+    check_number("The rover's step_s", step_s, LIMITS["flight_step_s"])
+    for wheel in vehicle.wheels:
+        ground.check_rolls(wheel.radius_m, f"wheel {wheel.name}")
+    everywhere = soil or Coulomb()
+    return everywhere if callable(everywhere) else lambda x_m, y_m: everywhere
+
+
+def checked_start(start_of: Callable[[int], RoverStart], seed: int) -> RoverStart:
+    """Return the start of a seed; raise a ParameterError if it is something else."""
+    start = start_of(seed)
+    check_valid(isinstance(start, RoverStart), f"The start of seed {seed}", start, "return a RoverStart.")
+    return start
 
 
 class RoverState(NamedTuple):
@@ -95,10 +110,7 @@ class Rover:
         seed: int = 0,
         step_s: float = STEP_S,
     ) -> None:
-        check_number("The rover's step_s", step_s, LIMITS["flight_step_s"])
-        for wheel in vehicle.wheels:
-            ground.check_rolls(wheel.radius_m, f"wheel {wheel.name}")
-        everywhere = soil or Coulomb()
+        soil_at = checked_soil(vehicle, ground, soil, step_s)
         self.vehicle: RoverVehicle = vehicle
         self.ground: HeightMap = ground
         self.obstacles: tuple[Obstacle, ...] = tuple(obstacles)
@@ -110,9 +122,8 @@ class Rover:
         self._step_world, self._kinematics = mujoco.mj_step, mujoco.mj_kinematics
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self._size = int(mujoco.mj_stateSize(self._model, self._kind))
-        soil_at: SoilAt = everywhere if callable(everywhere) else lambda x_m, y_m: everywhere
         self.contacts: WheelContacts = WheelContacts(vehicle, world, ground, soil_at)
-        self.motors: RoverMotors = RoverMotors(vehicle, world)
+        self.motors: RoverMotors = RoverMotors(vehicle, MujocoAxles(vehicle, world))
         self._instruments = RoverInstruments(vehicle, world, self.motors, self.contacts)
         self._readers = self._instruments.readers()
         self.outputs: tuple[str, ...] = tuple(self._readers)
@@ -121,8 +132,7 @@ class Rover:
 
     def reset(self, seed: int) -> None:
         """Put the rover at the start of this seed, at rest on the ground."""
-        start = self.start_of(seed)
-        check_valid(isinstance(start, RoverStart), f"The start of seed {seed}", start, "return a RoverStart.")
+        start = checked_start(self.start_of, seed)
         self._world.mujoco.mj_resetData(self._model, self._data)
         self.steps: int = 0
         self.seed: int = seed
@@ -179,25 +189,16 @@ class Rover:
         """Simulated time since the last reset: a count, so that nothing adds up."""
         return self.steps * self.step_s
 
-    def write(self, name: str, command: DriveCommand) -> None:
-        """Set what the motors do: `DriveCommand.mode`, with a value for each wheel; see `DcMotor.drive`.
+    @property
+    def hit_n(self) -> float:
+        """Return the largest pressure of an obstacle so far."""
+        return self.contacts.hit_n
 
-        A command without values is neutral: a brake of NEUTRAL_BRAKE_A.
-        """
+    def write(self, name: str, command: DriveCommand) -> None:
+        """Set what the motors do: `DriveCommand.mode`, with a value for each wheel; see `RoverMotors.order`."""
         if name not in self.inputs:
             raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
-        if command.mode not in MODES:
-            raise UnknownNameError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, MODES))
-        count = len(self.vehicle.wheels)
-        if not command.values:
-            self.motors.neutral()
-            return
-        if len(command.values) != count or not all(map(math.isfinite, command.values)):
-            raise PlantError(
-                f"At {self.time_s:g} s the command of the motors is {command.values}.",
-                fix=f"send {count} finite numbers, one for each wheel.",
-            )
-        self.motors.command(command.mode, command.values)
+        self.motors.order(command, self.time_s)
 
     def step(self, dt_s: float) -> None:
         """Advance by one step."""
@@ -250,9 +251,7 @@ class Rover:
 
     def scene(self) -> dict[str, Any]:
         """Return ground, obstacles and the shapes of the rover."""
-        statics = {"ground": ground_shape(self.ground)}
-        statics.update((f"obstacle_{i}", one.shape()) for i, one in enumerate(self.obstacles))
-        return {"statics": statics, "bodies": rover_shapes(self.vehicle)}
+        return rover_scene(self.vehicle, self.ground, self.obstacles)
 
     def truth(self) -> dict[str, Any]:
         """Return the true state for the recorder: poses of all bodies, loads of the wheels."""

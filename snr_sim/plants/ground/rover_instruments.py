@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from snr_sim.plants.attitude import rotation_of
+from snr_sim.plants.attitude import in_body, rotation_of
 from snr_sim.plants.ground.rover_motors import RoverMotors
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.ground.wheel_contacts import WheelContacts
@@ -43,9 +43,7 @@ class RoverInstruments:
 
     def _imu(self, time_s: float) -> ImuOutput:
         """Return the field here and now, and rate and specific force as the last step computed them."""
-        a, b, c, d, e, f, g, h, i = rotation_of(tuple(self._data.qpos[3:7].tolist()))
-        east, north, up = FIELD_UT
-        field = [a * east + d * north + g * up, b * east + e * north + h * up, c * east + f * north + i * up]
+        field = in_body(rotation_of(tuple(self._data.qpos[3:7].tolist())), *FIELD_UT)
         return ImuOutput(self._rate.tolist(), self._force.tolist(), field, time_s)
 
     def _pose(self, time_s: float) -> PoseOutput:
@@ -53,8 +51,7 @@ class RoverInstruments:
         return PoseOutput([x, y, z], attitude, time_s)
 
     def _power(self, time_s: float) -> PowerOutput:
-        motors = self._motors
-        return PowerOutput(motors.voltage_v, motors.current_a, motors.battery.charge, time_s)
+        return self._motors.power(time_s)
 
     def truth(self) -> dict[str, Any]:
         """Return the true state for the recorder."""
@@ -62,21 +59,31 @@ class RoverInstruments:
         data, contacts, motors = self._data, self._contacts, self._motors
         places, attitudes = data.xpos.tolist(), data.xquat.tolist()
         poses = {name: [*places[i], *attitudes[i][1:], attitudes[i][0]] for name, i in self._bodies}
-        w, x, y, z = attitudes[self._chassis]
-        roll, pitch, yaw = roll_pitch_yaw_rad((w, x, y, z))
         vx, vy, vz = data.qvel[:3].tolist()
-        loaded = zip(self._vehicle.wheels, contacts.read_loads(), strict=True)
-        return {
-            "poses": poses,
-            "vectors": {},
-            "values": {
-                "speed_mps": math.sqrt(vx * vx + vy * vy + vz * vz),
-                "roll_rad": roll,
-                "pitch_rad": pitch,
-                "yaw_rad": yaw,
-                "voltage_v": motors.voltage_v,
-                "current_a": motors.current_a,
-                "hit_n": contacts.hit_n,
-                **{f"load_{wheel.name}_n": load_n for wheel, load_n in loaded},
-            },
-        }
+        speed_mps = math.sqrt(vx * vx + vy * vy + vz * vz)
+        values = truth_values(
+            self._vehicle, speed_mps, attitudes[self._chassis], motors, contacts.hit_n, contacts.read_loads()
+        )
+        return {"poses": poses, "vectors": {}, "values": values}
+
+
+def truth_values(
+    vehicle: RoverVehicle,
+    speed_mps: float,
+    attitude: Sequence[float],
+    motors: RoverMotors,
+    hit_n: float,
+    loads_n: Sequence[float],
+) -> dict[str, float]:
+    """Return the numbers that the recorder notes of any rover."""
+    roll, pitch, yaw = roll_pitch_yaw_rad(attitude)
+    return {
+        "speed_mps": speed_mps,
+        "roll_rad": roll,
+        "pitch_rad": pitch,
+        "yaw_rad": yaw,
+        "voltage_v": motors.voltage_v,
+        "current_a": motors.current_a,
+        "hit_n": hit_n,
+        **{f"load_{wheel.name}_n": load_n for wheel, load_n in zip(vehicle.wheels, loads_n, strict=True)},
+    }

@@ -13,14 +13,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from snr_sim.plants.ground.rocks import Obstacle
+from snr_sim.plants.ground.rover_arms import SIDES, Arm, Place, arms_of, wheel_inertia_kgm2
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle, Wheel
 from snr_sim.plants.ground.traction import GRAVITY_MPS2
-from snr_sim.prelude.sums import dot_product, ordered_sum
 
 SOFT = 'solref="0.1 1" solimp="0 0.95 0.01"'  # of tyres: 9 mm at 73 N
 STIFF = 'solreffriction="0.02 1" solimpfriction="0.999 0.999 0.001"'  # of brakes: with MuJoCo's own they creep
 IMPRATIO = 30  # friction is so much stiffer than pressure: on a slope of 20 degrees a locked rover creeps at 0.6 mm/s
-SIDES = ("left", "right")
 
 
 def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str:
@@ -84,54 +83,32 @@ def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str
 
 def _side(vehicle: RoverVehicle, side: str) -> str:
     """Return the rocker of a side, with its bogie and their wheels."""
-    hung = vehicle.suspension
-    assert hung is not None
-    ours = [wheel for wheel in vehicle.wheels if wheel.side == side]
-    y = ordered_sum(wheel.position_m[1] for wheel in ours) / len(ours)
-    pivot = (hung.rocker_pivot_m[0], y, hung.rocker_pivot_m[1])
-    bogie = (hung.bogie_pivot_m[0], y, hung.bogie_pivot_m[1])
-    on_rocker, on_bogie = ([wheel for wheel in ours if wheel.hangs_on == part] for part in ("rocker", "bogie"))
-    range_rad = f'limited="true" range="{-hung.limit_rad} {hung.limit_rad}"'
+    rocker, bogie = arms_of(vehicle, side)
+    assert vehicle.suspension is not None
+    limit_rad = vehicle.suspension.limit_rad
+    return _arm(vehicle, rocker, (0.0, 0.0, 0.0), limit_rad, _arm(vehicle, bogie, rocker.pivot_m, limit_rad))
+
+
+def _arm(vehicle: RoverVehicle, arm: Arm, parent: Place, limit_rad: float, carried: str = "") -> str:
+    """Return an arm with its wheels, and with what else it carries, on the part whose pivot is `parent`."""
+    name = f"{arm.kind}_{arm.side}"
     return f"""
-      <body name="rocker_{side}" pos="{_text(pivot)}">
-        <joint name="rocker_{side}" type="hinge" axis="0 1 0" {range_rad}/>
-        {_arm(hung.rocker_kg, pivot, [*(wheel.position_m for wheel in on_rocker), bogie])}
-        {"".join(_wheel(vehicle, wheel, pivot) for wheel in on_rocker)}
-        <body name="bogie_{side}" pos="{_text(_from(pivot, bogie))}">
-          <joint name="bogie_{side}" type="hinge" axis="0 1 0" {range_rad}/>
-          {_arm(hung.bogie_kg, bogie, [wheel.position_m for wheel in on_bogie])}
-          {"".join(_wheel(vehicle, wheel, bogie) for wheel in on_bogie)}
-        </body>
+      <body name="{name}" pos="{_text(_from(parent, arm.pivot_m))}">
+        <joint name="{name}" type="hinge" axis="0 1 0" limited="true" range="{-limit_rad} {limit_rad}"/>
+        {_inertial(arm.middle_m(), arm.mass_kg, arm.inertia_kgm2())}
+        {"".join(_wheel(vehicle, wheel, arm.pivot_m) for wheel in arm.wheels)}{carried}
       </body>"""
 
 
-def _wheel(vehicle: RoverVehicle, wheel: Wheel, parent: tuple[float, float, float]) -> str:
-    """Return a wheel on the part whose origin is `parent`: a disk about its axle, with the inertia of its rotor."""
-    along, across = (
-        0.5 * wheel.mass_kg * wheel.radius_m**2,
-        wheel.mass_kg * (3.0 * wheel.radius_m**2 + wheel.width_m**2) / 12.0,
-    )
+def _wheel(vehicle: RoverVehicle, wheel: Wheel, parent: Place) -> str:
+    """Return a wheel on the part whose origin is `parent`, with the inertia of its rotor."""
     return f"""
       <body name="wheel_{wheel.name}" pos="{_text(_from(parent, wheel.position_m))}">
         <joint name="wheel_{wheel.name}" type="hinge" axis="0 1 0" armature="{vehicle.motor.wheel_kgm2}"
           frictionloss="{max(1e-9, vehicle.motor.friction_nm)}" {STIFF}/>
-        {_inertial((0.0, 0.0, 0.0), wheel.mass_kg, (across, along, across))}
+        {_inertial((0.0, 0.0, 0.0), wheel.mass_kg, wheel_inertia_kgm2(wheel))}
         <geom name="wheel_{wheel.name}" type="sphere" size="{wheel.radius_m}" contype="2" conaffinity="4"/>
       </body>"""
-
-
-def _arm(mass_kg: float, origin: tuple[float, ...], ends: Sequence[tuple[float, ...]]) -> str:
-    """Return mass and inertia of an arm from its pivot to some ends, as of thin rods of equal mass."""
-    share, rods = mass_kg / len(ends), [_from(origin, end) for end in ends]
-    middle = [ordered_sum(rod[i] for rod in rods) * 0.5 / len(rods) for i in range(3)]
-    inertia = [1e-4 * mass_kg] * 3
-    for rod in rods:
-        length2 = dot_product(rod, rod)
-        away = [0.5 * x - m for x, m in zip(rod, middle, strict=True)]
-        for i in range(3):
-            inertia[i] += share * (length2 - rod[i] ** 2) / 12.0
-            inertia[i] += share * (dot_product(away, away) - away[i] ** 2)
-    return _inertial(middle, mass_kg, inertia)
 
 
 def _inertial(center: Iterable[float], mass_kg: float, inertia: Iterable[float]) -> str:

@@ -1,34 +1,73 @@
-"""The motors of a rover in MuJoCo, and the battery that feeds them.
+"""The motors of a rover, and the battery that feeds them, on whatever turns the wheels.
 
-Each motor is an actuator whose torque falls with the wheel's rate, so that MuJoCo integrates it implicitly: a speed
+Each motor is a line, a torque that falls with the wheel's rate, so that an engine integrates it implicitly: a speed
 loop computed once a step shook light wheels, and let a parked rover slide. Brakes are dry friction at the axle.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Protocol
 
 from snr_sim.plants.battery import Battery
+from snr_sim.plants.ground.dc_motor import MODES, Drive
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.mujoco_engine import MujocoWorld
-from snr_sim.prelude.ground_signals import MotorReading
+from snr_sim.plants.outputs import PowerOutput
+from snr_sim.prelude.errors import PlantError, UnknownNameError, suggest
+from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
 
 SAME_V = 0.02  # the motors' lines are computed again when the voltage has changed by more
 FREE_NM = 1e-9  # friction of an axle without any: MuJoCo has no row for one of 0
 NEUTRAL_BRAKE_A = 4.0  # holds until 25 degrees
 
 
-class RoverMotors:
-    """All motors of a rover. Rates are those of the wheels."""
+class Axles(Protocol):
+    """What turns the wheels of a rover in an engine."""
+
+    def set_drives(self, drives: Sequence[Drive]) -> None:
+        """Set what each motor does from now on."""
+
+    def set_limits(self, limits_nm: Sequence[tuple[float, float]]) -> None:
+        """Set the least and the largest torque of each motor."""
+
+    def torques_nm(self) -> list[float]:
+        """Return the torque of each motor in the last step, without its dry friction."""
+
+
+class MujocoAxles:
+    """The wheels of a rover in MuJoCo. Implements `Axles`: motors are actuators, integrated implicitly."""
 
     def __init__(self, vehicle: RoverVehicle, world: MujocoWorld) -> None:
-        self._vehicle, self._motor = vehicle, vehicle.motor
         model, data = world.model, world.data
         self._dofs = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.wheels]
         self._controls, self._torques = data.ctrl, data.actuator_force
         self._gains, self._slopes = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 2]
         self._ranges, self._friction = model.actuator_forcerange, model.dof_frictionloss
+
+    def set_drives(self, drives: Sequence[Drive]) -> None:
+        """Set what each motor does from now on."""
+        self._controls[:] = [one.value for one in drives]
+        self._gains[:] = [one.gain_nm for one in drives]
+        self._slopes[:] = [-one.slope_nms for one in drives]
+        self._friction[self._dofs] = [max(FREE_NM, one.friction_nm) for one in drives]
+
+    def set_limits(self, limits_nm: Sequence[tuple[float, float]]) -> None:
+        """Set the least and the largest torque of each motor."""
+        self._ranges[:] = limits_nm
+
+    def torques_nm(self) -> list[float]:
+        """Return the torque of each motor in the last step, without its dry friction."""
+        torques: list[float] = self._torques.tolist()
+        return torques
+
+
+class RoverMotors:
+    """All motors of a rover. Rates are those of the wheels."""
+
+    def __init__(self, vehicle: RoverVehicle, axles: Axles) -> None:
+        self._vehicle, self._motor, self._axles = vehicle, vehicle.motor, axles
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
         self._full_range = [(-limit_nm, limit_nm)] * len(vehicle.wheels)
         self.reset(1.0)
@@ -39,6 +78,26 @@ class RoverMotors:
         self._voltage_v = self._line_v = self.battery.voltage_v(self._vehicle.electronics_a)
         self.current_a: float = self._vehicle.electronics_a  # out of the battery
         self.command("off", (0.0,) * len(self._vehicle.wheels))
+
+    def order(self, command: DriveCommand, time_s: float) -> None:
+        """Do what a command says; one without values is neutral, a brake of NEUTRAL_BRAKE_A.
+
+        Raises:
+            UnknownNameError: there is no such mode.
+            PlantError: the values are not one finite number for each wheel.
+        """
+        if command.mode not in MODES:
+            raise UnknownNameError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, MODES))
+        count = len(self._vehicle.wheels)
+        if not command.values:
+            self.neutral()
+            return
+        if len(command.values) != count or not all(map(math.isfinite, command.values)):
+            raise PlantError(
+                f"At {time_s:g} s the command of the motors is {command.values}.",
+                fix=f"send {count} finite numbers, one for each wheel.",
+            )
+        self.command(command.mode, command.values)
 
     def command(self, mode: str, values: Sequence[float]) -> None:
         """Set what the motors do: see `DcMotor.drive`."""
@@ -53,12 +112,8 @@ class RoverMotors:
 
     def _set_lines(self) -> None:
         motor, voltage_v = self._motor, self._line_v
-        drives = [motor.drive(self.mode, value, voltage_v) for value in self.values]
-        self._controls[:] = [one.value for one in drives]
-        self._gains[:] = [one.gain_nm for one in drives]
-        self._slopes[:] = [-one.slope_nms for one in drives]
-        self._friction[self._dofs] = [max(FREE_NM, one.friction_nm) for one in drives]
-        self._ranges[:] = self._full_range
+        self._axles.set_drives([motor.drive(self.mode, value, voltage_v) for value in self.values])
+        self._axles.set_limits(self._full_range)
         self._is_limited = False
         # Below this rate the voltage allows the whole current, in both directions.
         self._free_radps = max(0.0, voltage_v - SAME_V - motor.limit_a * motor.resistance_ohm) / motor.v_per_radps
@@ -67,10 +122,10 @@ class RoverMotors:
         """Limit the torques of the next step to what the voltage allows at these rates."""
         free = self._free_radps
         if max(rates) > free or min(rates) < -free:
-            self._ranges[:] = [self._motor.limits_nm(rate, self._voltage_v) for rate in rates]
+            self._axles.set_limits([self._motor.limits_nm(rate, self._voltage_v) for rate in rates])
             self._is_limited = True
         elif self._is_limited:
-            self._ranges[:] = self._full_range
+            self._axles.set_limits(self._full_range)
             self._is_limited = False
 
     def draw(self, rates: Sequence[float], step_s: float) -> None:
@@ -78,7 +133,7 @@ class RoverMotors:
         motor = self._motor
         amperes, ohms, emf = 1.0 / motor.nm_per_a, motor.resistance_ohm, motor.v_per_radps
         power_w = 0.0
-        for torque, rate in zip(self._torques.tolist(), rates, strict=True):
+        for torque, rate in zip(self._axles.torques_nm(), rates, strict=True):
             current_a = torque * amperes
             one_w = current_a * (current_a * ohms + rate * emf)
             if one_w > 0.0:  # the controllers burn what comes back
@@ -100,14 +155,18 @@ class RoverMotors:
     def reading(self, wheel: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading:
         """Return the state of a wheel's motor; its current is that of the last step."""
         motor, supply_v = self._motor, self._voltage_v
-        current_a = float(self._torques[wheel]) / motor.nm_per_a
+        current_a = self._axles.torques_nm()[wheel] / motor.nm_per_a
         volts = current_a * motor.resistance_ohm + rate_radps * motor.v_per_radps
         duty = min(1.0, max(-1.0, volts / supply_v)) if supply_v > 0.0 else 0.0
         battery_a = max(0.0, current_a * duty)
         return MotorReading(rate_radps, current_a, battery_a, duty, supply_v, turned_rad, time_s)
 
+    def power(self, time_s: float) -> PowerOutput:
+        """Return what is at the battery's terminals."""
+        return PowerOutput(self._voltage_v, self.current_a, self.battery.charge, time_s)
+
     def snapshot(self) -> tuple[Any, ...]:
-        """Return all of its state that MuJoCo's does not hold."""
+        """Return all of its state that the engine's does not hold."""
         return self.mode, self.values, self._voltage_v, self._line_v, self.current_a, self.battery.snapshot()
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from snr_sim.plants.ground.height_map import HeightMap
+from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.shapes import box, mesh, polyline
 
@@ -17,6 +19,13 @@ SPOKE_RGB = [200, 170, 60]
 GROUND_SIDE = 60  # squares along a side of the ground, at most
 WHEEL_SIDES = 12
 ARM_M = 0.02  # half the thickness of rockers and bogies
+
+
+def rover_scene(vehicle: RoverVehicle, ground: HeightMap, obstacles: Sequence[Obstacle]) -> dict[str, Any]:
+    """Return ground, obstacles and the shapes of a rover."""
+    statics = {"ground": ground_shape(ground)}
+    statics.update((f"obstacle_{i}", one.shape()) for i, one in enumerate(obstacles))
+    return {"statics": statics, "bodies": rover_shapes(vehicle)}
 
 
 def ground_shape(ground: HeightMap) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from snr_sim.plants.ground.room_space import RoomSpace
+from snr_sim.plants.ground.body_space import BodySpace
 from snr_sim.plants.impulses_2d import resolve_contacts
 
 Speeds = tuple[float, float, float]  # of the centre of mass along x and y, world frame [m/s], and of turning [rad/s]
@@ -33,7 +33,7 @@ class WallContacts:
         self._free_steps -= 1
         return self._free_steps <= 0
 
-    def resolve(self, space: RoomSpace, speeds: Speeds) -> tuple[Speeds, float]:
+    def resolve(self, space: BodySpace, speeds: Speeds) -> tuple[Speeds, float]:
         """Return the speeds after all contacts, and the largest speed of a part towards what it met [m/s]."""
         clearance_m = space.clearance_m()
         if clearance_m > 0.0:
