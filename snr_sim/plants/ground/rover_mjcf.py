@@ -20,6 +20,7 @@ from snr_sim.prelude.sums import dot_product, ordered_sum
 SOFT = 'solref="0.1 1" solimp="0 0.95 0.01"'  # of tyres: 9 mm at 73 N
 STIFF = 'solreffriction="0.02 1" solimpfriction="0.999 0.999 0.001"'  # of brakes: with MuJoCo's own they creep
 IMPRATIO = 30  # friction is so much stiffer than pressure: on a slope of 20 degrees a locked rover creeps at 0.6 mm/s
+SLICK = 'friction="0 0 0"'  # of wheels and chassis: MuJoCo takes the larger friction of two, and that is the obstacle's
 SIDES = ("left", "right")
 
 
@@ -71,7 +72,7 @@ def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str
       {_inertial(vehicle.center_of_mass_m, vehicle.chassis_kg, vehicle.inertia_kgm2)}
       <site name="inertial_unit"/>
       <geom name="chassis" type="box" pos="{_text(vehicle.center_m)}" size="{_text([0.5 * x for x in vehicle.size_m])}"
-        contype="2" conaffinity="4"/>
+        {SLICK} contype="2" conaffinity="4"/>
       {hung}{fixed}
     </body>
   </worldbody>
@@ -116,7 +117,7 @@ def _wheel(vehicle: RoverVehicle, wheel: Wheel, parent: tuple[float, float, floa
         <joint name="wheel_{wheel.name}" type="hinge" axis="0 1 0" armature="{vehicle.motor.wheel_kgm2}"
           frictionloss="{max(1e-9, vehicle.motor.friction_nm)}" {STIFF}/>
         {_inertial((0.0, 0.0, 0.0), wheel.mass_kg, (across, along, across))}
-        <geom name="wheel_{wheel.name}" type="sphere" size="{wheel.radius_m}" contype="2" conaffinity="4"/>
+        <geom name="wheel_{wheel.name}" type="sphere" size="{wheel.radius_m}" {SLICK} contype="2" conaffinity="4"/>
       </body>"""
 
 
