@@ -116,7 +116,6 @@ class Rover:
         self._instruments = RoverInstruments(vehicle, world, self.motors, self.contacts)
         self._readers = self._instruments.readers()
         self.outputs: tuple[str, ...] = tuple(self._readers)
-        self._dofs = self._instruments.dofs
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
@@ -180,7 +179,7 @@ class Rover:
         return self.steps * self.step_s
 
     def write(self, name: str, command: DriveCommand) -> None:
-        """Set what the motors do: `DriveCommand.mode`, with a value for each wheel; see `DcMotor.drive`.
+        """Set what the motors do: `DriveCommand.mode`, with a value for each motor; see `DcMotor.drive`.
 
         A command without values is neutral: a brake of NEUTRAL_BRAKE_A.
         """
@@ -188,14 +187,14 @@ class Rover:
             raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         if command.mode not in MODES:
             raise UnknownNameError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, MODES))
-        count = len(self.vehicle.wheels)
+        count = len(self.vehicle.motor_wheels)
         if not command.values:
             self.motors.neutral()
             return
         if len(command.values) != count or not all(map(math.isfinite, command.values)):
             raise PlantError(
                 f"At {self.time_s:g} s the command of the motors is {command.values}.",
-                fix=f"send {count} finite numbers, one for each wheel.",
+                fix=f"send {count} finite numbers, one for each motor.",
             )
         self.motors.command(command.mode, command.values)
 
@@ -209,7 +208,7 @@ class Rover:
         self.steps += 1
 
     def _advance(self) -> list[float]:
-        """Advance ground, motors and bodies by a step; return the rates of the wheels before it."""
+        """Advance ground, motors and bodies by a step; return the rates of the motors' wheels before it."""
         model, data, contacts = self._model, self._data, self.contacts
         self._kinematics(model, data)
         contacts.before_step(self.steps)
@@ -217,10 +216,10 @@ class Rover:
         total = sum(velocities)  # decides no run: only whether it is finite
         if total - total != 0.0:
             self._world.check_finite()
-        rates = [velocities[dof] for dof in self._dofs]
+        rates = [velocities[dof] for dof in self.motors.dofs]
         self.motors.limit(rates)
         self._step_world(model, data)
-        contacts.after_step(rates)
+        contacts.after_step(velocities)
         return rates
 
     def read(self, name: str) -> Any:

@@ -20,17 +20,21 @@ NEUTRAL_BRAKE_A = 4.0  # holds until 25 degrees
 
 
 class RoverMotors:
-    """All motors of a rover. Rates are those of the wheels."""
+    """All motors of a rover. Rates are those of the wheels.
+
+    Attributes:
+        dofs: of the wheels with motors, in MuJoCo's velocities.
+    """
 
     def __init__(self, vehicle: RoverVehicle, world: MujocoWorld) -> None:
-        self._vehicle, self._motor = vehicle, vehicle.motor
+        self._vehicle, self._motor, wheels = vehicle, vehicle.motor, vehicle.motor_wheels
         model, data = world.model, world.data
-        self._dofs = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.wheels]
+        self.dofs: list[int] = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in wheels]
         self._controls, self._torques = data.ctrl, data.actuator_force
         self._gains, self._slopes = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 2]
         self._ranges, self._friction = model.actuator_forcerange, model.dof_frictionloss
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
-        self._full_range = [(-limit_nm, limit_nm)] * len(vehicle.wheels)
+        self._full_range = [(-limit_nm, limit_nm)] * len(wheels)
         self.reset(1.0)
 
     def reset(self, charge: float) -> None:
@@ -38,7 +42,7 @@ class RoverMotors:
         self.battery: Battery = Battery(self._vehicle.battery, charge)
         self._voltage_v = self._line_v = self.battery.voltage_v(self._vehicle.electronics_a)
         self.current_a: float = self._vehicle.electronics_a  # out of the battery
-        self.command("off", (0.0,) * len(self._vehicle.wheels))
+        self.command("off", (0.0,) * len(self.dofs))
 
     def command(self, mode: str, values: Sequence[float]) -> None:
         """Set what the motors do: see `DcMotor.drive`."""
@@ -49,7 +53,7 @@ class RoverMotors:
 
     def neutral(self) -> None:
         """Brake: a rover that rolls freely drives down a slope."""
-        self.command("brake", (NEUTRAL_BRAKE_A,) * len(self._vehicle.wheels))
+        self.command("brake", (NEUTRAL_BRAKE_A,) * len(self.dofs))
 
     def _set_lines(self) -> None:
         motor, voltage_v = self._motor, self._line_v
@@ -57,7 +61,7 @@ class RoverMotors:
         self._controls[:] = [one.value for one in drives]
         self._gains[:] = [one.gain_nm for one in drives]
         self._slopes[:] = [-one.slope_nms for one in drives]
-        self._friction[self._dofs] = [max(FREE_NM, one.friction_nm) for one in drives]
+        self._friction[self.dofs] = [max(FREE_NM, one.friction_nm) for one in drives]
         self._ranges[:] = self._full_range
         self._is_limited = False
         # Below this rate the voltage allows the whole current, in both directions.
@@ -97,10 +101,10 @@ class RoverMotors:
         """Voltage of the battery under the last load."""
         return self._voltage_v
 
-    def reading(self, wheel: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading:
-        """Return the state of a wheel's motor; its current is that of the last step."""
+    def reading(self, motor_index: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading:
+        """Return the state of a motor; its current is that of the last step."""
         motor, supply_v = self._motor, self._voltage_v
-        current_a = float(self._torques[wheel]) / motor.nm_per_a
+        current_a = float(self._torques[motor_index]) / motor.nm_per_a
         volts = current_a * motor.resistance_ohm + rate_radps * motor.v_per_radps
         duty = min(1.0, max(-1.0, volts / supply_v)) if supply_v > 0.0 else 0.0
         battery_a = max(0.0, current_a * duty)

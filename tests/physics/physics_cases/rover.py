@@ -13,6 +13,7 @@ from snr_sim.plants.ground.rocks import Ledge
 from snr_sim.plants.ground.rover import RoverStart
 
 from .case import Case
+from .rover_kin import planar_vehicles
 from .rover_limits import in_the_air, tipping
 from .rover_power import energy, stalled
 from .rover_runs import (
@@ -27,6 +28,8 @@ from .rover_runs import (
     SOFT,
     STRONG,
     VEHICLE,
+    Turn,
+    balance,
     go,
     made,
     mass_height_m,
@@ -39,6 +42,7 @@ from .rover_runs import (
     slope,
     speed_mps,
     suspension,
+    turn,
 )
 from .rover_soil import coasting, on_soil, pulling, sunken
 
@@ -110,48 +114,23 @@ def rolling() -> list[Case]:
 
 
 def turning() -> list[Case]:
-    """Turning rate at which friction of six sliding wheels is in balance: the least power of friction.
-
-    With wheel rates and loads given, power is a convex function of the three speeds of the body; it is found by
-    weighted least squares, repeated (Weiszfeld), which shares nothing with MuJoCo.
-    """
-    at = np.array([wheel.position_m[:2] for wheel in VEHICLE.wheels])
+    """Turning rate at which friction of six sliding wheels is in balance."""
 
     @cache
-    def found(step_s: float, left: float, right: float) -> tuple[float, np.ndarray, np.ndarray, float]:
-        rover = go(made(step_s), 3.0, "speed", left, right)
-        turns, speeds = [], []
-        for _ in range(round(1.0 / step_s)):
-            rover.step(step_s)
-            turns.append(rover.read("imu").rate_radps[2])
-            speeds.append(rates(rover))
-        loads = np.array(rover.contacts.read_loads())
-        return float(np.mean(turns)), np.mean(speeds, axis=0), loads, rolling_radius_m(rover)
+    def found(step_s: float, left: float, right: float) -> Turn:
+        return turn(made(step_s), left, right)
 
-    def balance(left: float, right: float) -> float:
-        _, wheel_rates, loads, radius_m = found(ROVER_STEPS_S[0], left, right)
-        rolled, twist = wheel_rates * radius_m, np.zeros(3)
-        per_twist = [np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) for x, y in at]
-        for _ in range(5000):
-            matrix, vector = np.zeros((3, 3)), np.zeros(3)
-            for to_speed, along, load in zip(per_twist, rolled, loads, strict=True):
-                slid = to_speed @ twist - [along, 0.0]
-                weight = load / math.sqrt(slid @ slid + 1e-16)
-                matrix += weight * to_speed.T @ to_speed
-                vector += weight * to_speed.T @ [along, 0.0]
-            new = np.linalg.solve(matrix, vector)
-            if np.abs(new - twist).max() < 1e-12:
-                break
-            twist = new
-        return float(twist[2])
+    def expected(left: float, right: float) -> float:
+        there = found(ROVER_STEPS_S[0], left, right)
+        return float(balance(VEHICLE, there.wheel_radps * there.radii_m.mean(), there.loads_n)[2])
 
     return [
         Case(
             "Driving",
             f"turning rate with wheels commanded to {left:g} and {right:g} rad/s",
-            lambda a=left, b=right: balance(a, b),
+            lambda a=left, b=right: expected(a, b),
             "rad/s",
-            lambda s, a=left, b=right: found(s, a, b)[0],
+            lambda s, a=left, b=right: found(s, a, b).radps,
             0.01,
             REGULARISED,
         )
@@ -336,6 +315,6 @@ def rover_cases() -> list[Case]:
     """Return all cases, in the order of the page."""
     groups = (
         loads_at_rest, leaning, tipping, in_the_air, rolling, turning, gripping, driven, stalled, on_soil, pulling,
-        coasting, sunken, suspended, refined, energy,
+        coasting, sunken, suspended, refined, energy, planar_vehicles,
     )  # fmt: skip
     return [case for group in groups for case in group()]

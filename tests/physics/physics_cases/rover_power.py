@@ -90,7 +90,7 @@ def energy() -> list[Case]:
     def spent(step_s: float) -> float:
         """Return the battery's energy over that of where it went; heat of contacts and axles by MuJoCo's forces."""
         rover = made(step_s, make_hills(3, 0.5, 8.0), vehicle=replace(VEHICLE, electronics_a=0.0))
-        data, dofs = rover._world.data, rover._dofs
+        data, dofs = rover._world.data, rover.motors.dofs
         first_j, before = mechanical_j(rover), np.array(data.qvel[dofs])
         heat_j = 0.0
         go(rover, 0.0, "speed", 4.0, 6.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,7 +44,8 @@ def made(
 def go(rover: Rover, seconds: float, mode: str = "", *values: float) -> Rover:
     """Drive for a time, after a command to all wheels or to those of the left and the right side."""
     if mode:
-        each = list(values) if len(values) == COUNT else [values[0]] * (COUNT // 2) + [values[-1]] * (COUNT // 2)
+        half = len(rover.vehicle.motor_wheels) // 2
+        each = list(values) if len(values) > 2 else [values[0]] * half + [values[-1]] * half
         rover.write("drive", DriveCommand(mode, each))
     for _ in range(round(seconds / rover.step_s)):
         rover.step(rover.step_s)
@@ -51,7 +53,7 @@ def go(rover: Rover, seconds: float, mode: str = "", *values: float) -> Rover:
 
 
 def motors(rover: Rover) -> list[MotorReading]:
-    return [rover.read(f"motor_{wheel.name}") for wheel in rover.vehicle.wheels]
+    return [rover.read(f"motor_{wheel.name}") for wheel in rover.vehicle.motor_wheels]
 
 
 def rates(rover: Rover) -> np.ndarray:
@@ -83,12 +85,64 @@ def axle_heights_m(rover: Rover) -> np.ndarray:
 
 def rolling_radii_m(rover: Rover) -> np.ndarray:
     """Return the distances from the axles to the middle of the contacts."""
-    return 0.5 * (RADIUS_M + axle_heights_m(rover))
+    return 0.5 * (np.array([wheel.radius_m for wheel in rover.vehicle.wheels]) + axle_heights_m(rover))
 
 
 def rolling_radius_m(rover: Rover) -> float:
     """Return the mean of all wheels."""
     return float(rolling_radii_m(rover).mean())
+
+
+class Turn(NamedTuple):
+    """A rover that turns.
+
+    Args:
+        radps: mean rate of turning in a second.
+        wheel_radps: mean rates of all wheels.
+        loads_n, radii_m: of all wheels at its end.
+    """
+
+    radps: float
+    wheel_radps: np.ndarray
+    loads_n: np.ndarray
+    radii_m: np.ndarray
+
+
+def turn(rover: Rover, left: float, right: float) -> Turn:
+    """Turn for 3 s, and for the second that is measured."""
+    go(rover, 3.0, "speed", left, right)
+    joints = [f"wheel_{wheel.name}" for wheel in rover.vehicle.wheels]
+    dofs = [int(rover._world.model.joint(name).dofadr[0]) for name in joints]
+    turns, speeds = [], []
+    for _ in range(round(1.0 / rover.step_s)):
+        rover.step(rover.step_s)
+        turns.append(rover.read("imu").rate_radps[2])
+        speeds.append(np.array(rover._world.data.qvel[dofs]))
+    loads = np.array(rover.contacts.read_loads())
+    return Turn(float(np.mean(turns)), np.mean(speeds, axis=0), loads, rolling_radii_m(rover))
+
+
+def balance(vehicle: RoverVehicle, rolled_mps: np.ndarray, grips_n: np.ndarray) -> np.ndarray:
+    """Return the speeds ahead, to the left and of turning at which friction of wheels is in balance: its least power.
+
+    With wheel rates and loads given, power is a convex function of the three speeds of the body; it is found by
+    weighted least squares, repeated (Weiszfeld), which shares nothing with MuJoCo.
+    """
+    twist = np.zeros(3)
+    places = [wheel.position_m[:2] for wheel in vehicle.wheels]
+    per_twist = [np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) for x, y in places]
+    for _ in range(5000):
+        matrix, vector = np.zeros((3, 3)), np.zeros(3)
+        for to_speed, along, grip in zip(per_twist, rolled_mps, grips_n, strict=True):
+            slid = to_speed @ twist - [along, 0.0]
+            weight = grip / math.sqrt(slid @ slid + 1e-16)
+            matrix += weight * to_speed.T @ to_speed
+            vector += weight * to_speed.T @ [along, 0.0]
+        new = np.linalg.solve(matrix, vector)
+        if np.abs(new - twist).max() < 1e-12:
+            break
+        twist = new
+    return twist
 
 
 def suspension() -> RockerBogie:

@@ -117,7 +117,7 @@ def coasting() -> list[Case]:
         go(rover, 0.0, "off", 0.0)
         data = rover._world.data
         data.qvel[0] = 1.5
-        data.qvel[rover._dofs] = 1.5 / rolling_radius_m(rover)
+        data.qvel[rover.motors.dofs] = 1.5 / rolling_radius_m(rover)
         before = speed_mps(go(rover, 0.2))
         radius_m = rolling_radius_m(go(rover, 0.2))
         loads = rover.contacts.read_loads()
