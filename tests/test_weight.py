@@ -7,7 +7,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Lines of Python: 2 % more than on 2026-11-27.
 MAX_LINES = {
-    "snr_sim": 80800,
+    "snr_sim": 80950,
     "snr_sim/behaviors": 8960,
     "snr_sim/cli": 4115,
     "snr_sim/console": 1920,
@@ -16,7 +16,7 @@ MAX_LINES = {
     "snr_sim/grading": 7310,
     "snr_sim/learning": 4030,
     "snr_sim/links": 5420,
-    "snr_sim/plants": 10740,
+    "snr_sim/plants": 10900,
     "snr_sim/prelude": 2810,
     "snr_sim/recording": 4740,
     "snr_sim/scenario": 3890,
@@ -30,7 +30,7 @@ MAX_LINES = {
     "robots": 4500,
     "scenarios": 1830,
     "assignments": 8500,
-    "tests": 89500,
+    "tests": 90000,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -19,7 +19,7 @@ def wheel_rates(parameters: RoverParameters, speed_mps: float, turn_radps: float
 
     All are scaled down together if one would be faster than its motor can, so that the curve stays the same.
     """
-    wheels = parameters.vehicle.wheels
+    wheels = parameters.vehicle.motor_wheels
     top = parameters.vehicle.motor.top_radps(TOP_V)
     rates = [(speed_mps - EFFECTIVE_TRACK * turn_radps * wheel.position_m[1]) / wheel.radius_m for wheel in wheels]
     return _scaled(rates, top)

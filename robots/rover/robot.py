@@ -52,7 +52,7 @@ def sim_motors(context: RobotContext) -> SimActuator[DriveCommand]:
 def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Return the components of the role: sensors first and motors last, so a reading acts within its tick."""
     parameters = context.robot.parameters
-    names = [f"motor_{wheel.name}" for wheel in parameters.vehicle.wheels]
+    names = [f"motor_{wheel.name}" for wheel in parameters.vehicle.motor_wheels]
     sensors = [
         SensorLoopFactory(name, partial(sim_sensor, context, name, MOTOR_ERRORS), parameters.motors_hz)
         for name in names

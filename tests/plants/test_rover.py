@@ -98,6 +98,13 @@ def test_rover_climbs_low_ledges_and_is_stopped_by_high_ones(height_m: float, is
     assert rover.contacts.hit_n > 100.0
 
 
+def test_slippery_ledge_lets_wheels_spin() -> None:
+    """Friction of an obstacle counts, also where it is lower than that of MuJoCo's own default."""
+    plate = Ledge((0.0, 0.0, 0.0), (3.0, 3.0, 0.05), friction=0.05)
+    rover = go(made(flat(), rocks=(plate,)), 0.5, DriveCommand("current", [6.0] * 6))
+    assert rover.speed_mps == pytest.approx(0.05 * 9.81 * 0.5, rel=0.1)
+
+
 def test_belly_rests_on_a_crest() -> None:
     """Two slopes of 24 degrees meet under a chassis that hangs lower than the hill is high between the wheels."""
     along = [0.25 * i for i in range(-40, 41)]

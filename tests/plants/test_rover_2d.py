@@ -1,4 +1,4 @@
-"""The rover in the plane: against closed forms, against the rover in MuJoCo, and what it touches."""
+"""The rover in the plane: its loads, what it holds and touches; closed forms of its motion are in physics_cases."""
 
 import math
 from dataclasses import replace
@@ -74,40 +74,6 @@ def test_rigid_vehicle_stands_as_on_equal_springs() -> None:
 # -- motion against closed forms --------------------------------------------------------------------------------------
 
 
-def test_straight_run_has_the_rolling_speed() -> None:
-    rover = go(made(), 3.0, "speed", 5.0)
-    assert rover.speed_mps == pytest.approx(rover.read("motor_LF").speed_radps * ROLLING_M, rel=1e-3)
-
-
-@pytest.mark.parametrize(("left", "right"), [(-6.0, 6.0), (-2.0, 6.0), (2.0, 6.0), (4.0, 6.0)])
-def test_turning_rate_balances_friction_of_sliding_wheels(left: float, right: float) -> None:
-    """Found with the wheels' rates and loads as the least power of friction (Weiszfeld's method)."""
-    rover = go(made(), 4.0, "speed", left, right)
-    x, y = RoverLoads(VEHICLE).center_m
-    at = [(wheel.position_m[0] - x, wheel.position_m[1] - y) for wheel in VEHICLE.wheels]
-    to_speed = [np.array([[1.0, 0.0, -b], [0.0, 1.0, a]]) for a, b in at]
-    twist = np.array([0.1, 0.0, 0.1])
-    for _ in range(3000):
-        matrix, vector = np.zeros((3, 3)), np.zeros(3)
-        for each, rate, load in zip(to_speed, rover.state.rates, rover.loads_n, strict=True):
-            rolled = np.array([rate * ROLLING_M, 0.0])
-            slid = each @ twist - rolled
-            weight = load / math.sqrt(slid @ slid + 1e-16)
-            matrix, vector = matrix + weight * each.T @ each, vector + weight * each.T @ rolled
-        twist = np.linalg.solve(matrix, vector)
-    assert rover.state.speeds[2] == pytest.approx(twist[2], rel=0.01)
-
-
-@pytest.mark.parametrize("friction", [0.2, 0.8])
-def test_locked_wheels_stop_within_the_way_of_friction(friction: float) -> None:
-    rover = go(made(soil=Coulomb(friction)), 3.0, "speed", 12.0)
-    speed, (x, _) = rover.speed_mps, rover.state.position_m
-    rover.motors.command("brake", (1e3,) * 6)
-    rover._friction._lines = [(0.0, 0.0, 1e3)] * 6  # stronger than its motors can
-    go(rover, 2.0)
-    assert rover.state.position_m[0] - x == pytest.approx(speed**2 / (2.0 * friction * GRAVITY), rel=0.01)
-
-
 @pytest.mark.parametrize(("degrees", "holds"), [(-0.5, True), (0.5, False)])
 def test_locked_rover_holds_up_to_the_angle_of_friction(degrees: float, holds: bool) -> None:
     angle = math.atan(0.5) + math.radians(degrees)
@@ -115,17 +81,6 @@ def test_locked_rover_holds_up_to_the_angle_of_friction(degrees: float, holds: b
     rover._friction._lines = [(0.0, 0.0, 1e3)] * 6
     go(rover, 1.0)
     assert (rover.speed_mps < 0.015) == holds
-
-
-@pytest.mark.parametrize("degrees", [0.0, 10.0, 15.0])
-def test_steady_speed_at_a_duty_lies_on_the_line_of_its_motors(degrees: float) -> None:
-    angle, duty, motor = math.radians(degrees), 0.6, VEHICLE.motor
-    rover = go(made(ramp((math.tan(angle), 0.0))), 4.0, "duty", duty)
-    each_n = VEHICLE.mass_kg * GRAVITY * math.sin(angle) / 6.0
-    torque = each_n * ROLLING_M + motor.friction_nm
-    volts = duty * rover.read("power").voltage_v - torque / motor.nm_per_a * motor.resistance_ohm
-    slip = rover.speed_mps / (volts / motor.v_per_radps * ROLLING_M)
-    assert slip == pytest.approx(1.0, abs=0.004)
 
 
 def test_neutral_brake_holds_up_to_its_torque() -> None:

@@ -123,11 +123,12 @@ class Rover:
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self._size = int(mujoco.mj_stateSize(self._model, self._kind))
         self.contacts: WheelContacts = WheelContacts(vehicle, world, ground, soil_at)
-        self.motors: RoverMotors = RoverMotors(vehicle, MujocoAxles(vehicle, world))
+        axles = MujocoAxles(vehicle, world)
+        self._dofs = axles.dofs
+        self.motors: RoverMotors = RoverMotors(vehicle, axles)
         self._instruments = RoverInstruments(vehicle, world, self.motors, self.contacts)
         self._readers = self._instruments.readers()
         self.outputs: tuple[str, ...] = tuple(self._readers)
-        self._dofs = self._instruments.dofs
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
@@ -210,7 +211,7 @@ class Rover:
         self.steps += 1
 
     def _advance(self) -> list[float]:
-        """Advance ground, motors and bodies by a step; return the rates of the wheels before it."""
+        """Advance ground, motors and bodies by a step; return the rates of the motors' wheels before it."""
         model, data, contacts = self._model, self._data, self.contacts
         self._kinematics(model, data)
         contacts.before_step(self.steps)
@@ -221,7 +222,7 @@ class Rover:
         rates = [velocities[dof] for dof in self._dofs]
         self.motors.limit(rates)
         self._step_world(model, data)
-        contacts.after_step(rates)
+        contacts.after_step(velocities)
         return rates
 
     def read(self, name: str) -> Any:

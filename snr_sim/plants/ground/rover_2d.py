@@ -23,17 +23,18 @@ from snr_sim.plants.ground.rover_2d_instruments import PlanarInstruments, Planar
 from snr_sim.plants.ground.rover_loads import RoverLoads
 from snr_sim.plants.ground.rover_motors import RoverMotors
 from snr_sim.plants.ground.rover_shapes import rover_scene
-from snr_sim.plants.ground.rover_vehicle import RoverVehicle
+from snr_sim.plants.ground.rover_vehicle import NO_MOTOR, OWN_MOTOR, RoverVehicle
 from snr_sim.plants.ground.terramechanics import Coulomb, Ground, slip_of
 from snr_sim.plants.ground.traction import GRAVITY_MPS2
 from snr_sim.plants.ground.wall_contacts import Speeds, WallContacts
 from snr_sim.plants.ground.wheel_contacts import CREEP_MPS, SOIL_STEPS, SoilAt
 from snr_sim.plants.ground.wheel_friction_2d import WheelFriction2D
+from snr_sim.plants.parameter_limits import check_valid
 from snr_sim.plants.pymunk_engine import pymunk_module
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError, suggest
 from snr_sim.prelude.ground_signals import DriveCommand
 
-DEFLECTION_M = 0.009  # of tyres at rest, as of the contacts in `rover_mjcf.py`, whose softness does not depend on mass
+DEFLECTION = 9.0 / 130.0  # of tyres at rest, a share of the radius, as of the contacts in `rover_mjcf.py`
 LOW_SHARE = 0.3  # of a wheel's radius: what is lower is driven over
 OBSTACLE_FRICTION = 0.8
 FASTEST = 3.0  # times the speed of wheels without load: no slope makes it faster
@@ -70,6 +71,8 @@ class Rover2D:
         step_s: float = STEP_S,
     ) -> None:
         self._soil_at = checked_soil(vehicle, ground, soil, step_s)
+        chained = [wheel.name for wheel in vehicle.wheels if wheel.motor not in (OWN_MOTOR, NO_MOTOR)]
+        check_valid(not chained, "What the motors of others turn", chained, "in the plane, use Dozer2D or Rover.")
         self.vehicle: RoverVehicle = vehicle
         self.ground: HeightMap = ground
         self.obstacles: tuple[Obstacle, ...] = tuple(obstacles)
@@ -77,7 +80,7 @@ class Rover2D:
         self.step_s: float = step_s
         self.engine: str = f"pymunk {pymunk_module().version}"
         self._loads = loads = RoverLoads(vehicle)
-        self._rolling_m = [wheel.radius_m - 0.5 * DEFLECTION_M for wheel in vehicle.wheels]
+        self._rolling_m = [(1.0 - 0.5 * DEFLECTION) * wheel.radius_m for wheel in vehicle.wheels]
         self._friction = WheelFriction2D(vehicle, loads, self._rolling_m, step_s)
         self.motors: RoverMotors = RoverMotors(vehicle, self._friction)
         self._space = obstacle_space(vehicle, ground, obstacles, loads.center_m)
@@ -151,7 +154,8 @@ class Rover2D:
         step_s, old = self.step_s, self.state
         if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
-        self.motors.limit(old.rates)
+        rates = [old.rates[i] for i in self._friction.driven]
+        self.motors.limit(rates)
         state = self._drive(old)
         if self._contacts.is_due():
             state = self._touch(state)
@@ -163,7 +167,7 @@ class Rover2D:
             accelerations=((vx - before[0]) / step_s, (vy - before[1]) / step_s, (turn - before[2]) / step_s),
             steps=old.steps + 1,
         )
-        self.motors.draw(old.rates, step_s)
+        self.motors.draw(rates, step_s)
 
     def _drive(self, state: PlanarState) -> PlanarState:
         """Return speeds, rates and forces after a step with gravity, motors and friction, without obstacles."""

@@ -59,11 +59,15 @@ class PlanarInstruments:
 
     def readers(self) -> dict[str, Callable[[PlanarState], Any]]:
         """Return what gives each output of a state."""
-        motors = {f"motor_{wheel.name}": partial(self._motor, i) for i, wheel in enumerate(self._vehicle.wheels)}
+        wheels = self._vehicle.wheels
+        motors = {
+            f"motor_{wheel.name}": partial(self._motor, i, wheels.index(wheel))
+            for i, wheel in enumerate(self._vehicle.motor_wheels)
+        }
         return {**motors, "imu": self._imu, "pose": self._pose, "power": self._power}
 
-    def _motor(self, wheel: int, state: PlanarState) -> MotorReading:
-        return self._motors.reading(wheel, state.rates[wheel], state.turned_rad[wheel], self._time_s(state))
+    def _motor(self, motor: int, wheel: int, state: PlanarState) -> MotorReading:
+        return self._motors.reading(motor, state.rates[wheel], state.turned_rad[wheel], self._time_s(state))
 
     def _power(self, state: PlanarState) -> Any:
         return self._motors.power(self._time_s(state))

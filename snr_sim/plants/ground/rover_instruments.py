@@ -26,20 +26,20 @@ class RoverInstruments:
         self._find_places: Callable[[], None] = partial(world.mujoco.mj_kinematics, model, data)
         self._chassis = int(model.body("chassis").id)
         self._bodies = [(model.body(i).name, i) for i in range(self._chassis, model.nbody)]
-        joints = [model.joint(f"wheel_{wheel.name}") for wheel in vehicle.wheels]
-        self.dofs: list[int] = [int(joint.dofadr[0]) for joint in joints]  # of the wheels, in MuJoCo's velocities
+        joints = [model.joint(f"wheel_{wheel.name}") for wheel in vehicle.motor_wheels]
+        self._rates = [int(joint.dofadr[0]) for joint in joints]
         self._angles = [int(joint.qposadr[0]) for joint in joints]
         first = int(model.sensor("rate").adr[0])
         self._rate, self._force = data.sensordata[first : first + 3], data.sensordata[first + 3 : first + 6]
 
     def readers(self) -> dict[str, Callable[[float], Any]]:
         """Return what gives each output, at a time."""
-        motors = {f"motor_{wheel.name}": partial(self._motor, i) for i, wheel in enumerate(self._vehicle.wheels)}
+        motors = {f"motor_{wheel.name}": partial(self._motor, i) for i, wheel in enumerate(self._vehicle.motor_wheels)}
         return {**motors, "imu": self._imu, "pose": self._pose, "power": self._power}
 
-    def _motor(self, wheel: int, time_s: float) -> MotorReading:
-        rate, turned = float(self._data.qvel[self.dofs[wheel]]), float(self._data.qpos[self._angles[wheel]])
-        return self._motors.reading(wheel, rate, turned, time_s)
+    def _motor(self, i: int, time_s: float) -> MotorReading:
+        rate, turned = float(self._data.qvel[self._rates[i]]), float(self._data.qpos[self._angles[i]])
+        return self._motors.reading(i, rate, turned, time_s)
 
     def _imu(self, time_s: float) -> ImuOutput:
         """Return the field here and now, and rate and specific force as the last step computed them."""

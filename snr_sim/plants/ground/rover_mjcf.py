@@ -10,16 +10,19 @@ are locked and slide at more than about 1 m/s hop, as MuJoCo then asks for more 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_arms import SIDES, Arm, Place, arms_of, wheel_inertia_kgm2
-from snr_sim.plants.ground.rover_vehicle import RoverVehicle, Wheel
+from snr_sim.plants.ground.rover_vehicle import NO_MOTOR, OWN_MOTOR, RoverVehicle, Wheel
 from snr_sim.plants.ground.traction import GRAVITY_MPS2
 
-SOFT = 'solref="0.1 1" solimp="0 0.95 0.01"'  # of tyres: 9 mm at 73 N
+SOFT_S, SOFT_M, SOFT_RADIUS_M = 0.1, 0.01, 0.13  # of tyres: a wheel of 0.13 m gives by 9 mm, others by the same share
 STIFF = 'solreffriction="0.02 1" solimpfriction="0.999 0.999 0.001"'  # of brakes: with MuJoCo's own they creep
+CHAIN = 'solimp="0.999 0.999 0.001"'  # of wheels on one motor
 IMPRATIO = 30  # friction is so much stiffer than pressure: on a slope of 20 degrees a locked rover creeps at 0.6 mm/s
+SLICK = 'friction="0 0 0"'  # of wheels and chassis: MuJoCo takes the larger friction of two, and that is the obstacle's
 
 
 def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str:
@@ -30,22 +33,27 @@ def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str
     wheels = vehicle.wheels
     hung = "".join(_side(vehicle, side) for side in SIDES) if vehicle.suspension else ""
     fixed = "".join(_wheel(vehicle, wheel, (0.0, 0.0, 0.0)) for wheel in wheels if wheel.hangs_on == "chassis")
-    differential = (
-        '<joint joint1="rocker_left" joint2="rocker_right" polycoef="0 -1 0 0 0"/>' if vehicle.suspension else ""
+    equalities = "".join(
+        f'<joint joint1="wheel_{wheel.name}" joint2="wheel_{wheel.motor}" {CHAIN}/>'
+        for wheel in wheels
+        if wheel.motor not in (OWN_MOTOR, NO_MOTOR)
     )
+    if vehicle.suspension:
+        equalities += '<joint joint1="rocker_left" joint2="rocker_right" polycoef="0 -1 0 0 0"/>'
     planes = "".join(
         f'<body name="ground_{wheel.name}" mocap="true" pos="{wheel.position_m[0]} {wheel.position_m[1]} 0">'
         f'<geom name="ground_{wheel.name}" type="plane" size="1 1 1" contype="0" conaffinity="0"/></body>'
         for wheel in wheels
     )
     pairs = "".join(
-        f'<pair geom1="ground_{wheel.name}" geom2="wheel_{wheel.name}" condim="3" friction="0.8 0.8 0 0 0" {SOFT}/>'
+        f'<pair geom1="ground_{wheel.name}" geom2="wheel_{wheel.name}" condim="3" friction="0.8 0.8 0 0 0"'
+        f" {_soft(wheel)}/>"
         for wheel in wheels
     )
     motors = "".join(
         f'<general name="{wheel.name}" joint="wheel_{wheel.name}" gainprm="0" biastype="affine" biasprm="0 0 0"'
         ' forcelimited="true" forcerange="-1 1"/>'
-        for wheel in wheels
+        for wheel in vehicle.motor_wheels
     )
     rocks = "".join(
         one.geom(f"obstacle_{i}") + ' condim="3" contype="4" conaffinity="2"/>' for i, one in enumerate(obstacles)
@@ -70,12 +78,12 @@ def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str
       {_inertial(vehicle.center_of_mass_m, vehicle.chassis_kg, vehicle.inertia_kgm2)}
       <site name="inertial_unit"/>
       <geom name="chassis" type="box" pos="{_text(vehicle.center_m)}" size="{_text([0.5 * x for x in vehicle.size_m])}"
-        contype="2" conaffinity="4"/>
+        {SLICK} contype="2" conaffinity="4"/>
       {hung}{fixed}
     </body>
   </worldbody>
   <contact>{pairs}<pair geom1="ground_belly" geom2="chassis" condim="3" friction="0.5 0.5 0 0 0"/></contact>
-  <equality>{differential}</equality>
+  <equality>{equalities}</equality>
   <actuator>{motors}</actuator>
   <sensor>{sensors}<gyro name="rate" site="inertial_unit"/><accelerometer site="inertial_unit"/></sensor>
 </mujoco>"""
@@ -101,14 +109,23 @@ def _arm(vehicle: RoverVehicle, arm: Arm, parent: Place, limit_rad: float, carri
 
 
 def _wheel(vehicle: RoverVehicle, wheel: Wheel, parent: Place) -> str:
-    """Return a wheel on the part whose origin is `parent`, with the inertia of its rotor."""
+    """Return a wheel on the part whose origin is `parent`, with the inertia of its own rotor."""
+    rotor_kgm2, friction_nm = 0.0, 0.0
+    if wheel.motor == OWN_MOTOR:
+        rotor_kgm2, friction_nm = vehicle.motor.wheel_kgm2, vehicle.motor.friction_nm
     return f"""
       <body name="wheel_{wheel.name}" pos="{_text(_from(parent, wheel.position_m))}">
-        <joint name="wheel_{wheel.name}" type="hinge" axis="0 1 0" armature="{vehicle.motor.wheel_kgm2}"
-          frictionloss="{max(1e-9, vehicle.motor.friction_nm)}" {STIFF}/>
+        <joint name="wheel_{wheel.name}" type="hinge" axis="0 1 0" armature="{rotor_kgm2}"
+          frictionloss="{max(1e-9, friction_nm)}" {STIFF}/>
         {_inertial((0.0, 0.0, 0.0), wheel.mass_kg, wheel_inertia_kgm2(wheel))}
-        <geom name="wheel_{wheel.name}" type="sphere" size="{wheel.radius_m}" contype="2" conaffinity="4"/>
+        <geom name="wheel_{wheel.name}" type="sphere" size="{wheel.radius_m}" {SLICK} contype="2" conaffinity="4"/>
       </body>"""
+
+
+def _soft(wheel: Wheel) -> str:
+    """Return the softness of a tyre; the time constant is that of a mass on a spring."""
+    share = wheel.radius_m / SOFT_RADIUS_M
+    return f'solref="{SOFT_S * math.sqrt(share)} 1" solimp="0 0.95 {SOFT_M * share}"'
 
 
 def _inertial(center: Iterable[float], mass_kg: float, inertia: Iterable[float]) -> str:

@@ -37,11 +37,15 @@ class Axles(Protocol):
 
 
 class MujocoAxles:
-    """The wheels of a rover in MuJoCo. Implements `Axles`: motors are actuators, integrated implicitly."""
+    """The wheels with motors of a rover in MuJoCo. Implements `Axles`: motors are actuators, integrated implicitly.
+
+    Attributes:
+        dofs: of the wheels, in MuJoCo's velocities.
+    """
 
     def __init__(self, vehicle: RoverVehicle, world: MujocoWorld) -> None:
         model, data = world.model, world.data
-        self._dofs = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.wheels]
+        self.dofs: list[int] = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.motor_wheels]
         self._controls, self._torques = data.ctrl, data.actuator_force
         self._gains, self._slopes = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 2]
         self._ranges, self._friction = model.actuator_forcerange, model.dof_frictionloss
@@ -51,7 +55,7 @@ class MujocoAxles:
         self._controls[:] = [one.value for one in drives]
         self._gains[:] = [one.gain_nm for one in drives]
         self._slopes[:] = [-one.slope_nms for one in drives]
-        self._friction[self._dofs] = [max(FREE_NM, one.friction_nm) for one in drives]
+        self._friction[self.dofs] = [max(FREE_NM, one.friction_nm) for one in drives]
 
     def set_limits(self, limits_nm: Sequence[tuple[float, float]]) -> None:
         """Set the least and the largest torque of each motor."""
@@ -67,9 +71,9 @@ class RoverMotors:
     """All motors of a rover. Rates are those of the wheels."""
 
     def __init__(self, vehicle: RoverVehicle, axles: Axles) -> None:
-        self._vehicle, self._motor, self._axles = vehicle, vehicle.motor, axles
+        self._vehicle, self._motor, self._axles, self._count = vehicle, vehicle.motor, axles, len(vehicle.motor_wheels)
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
-        self._full_range = [(-limit_nm, limit_nm)] * len(vehicle.wheels)
+        self._full_range = [(-limit_nm, limit_nm)] * self._count
         self.reset(1.0)
 
     def reset(self, charge: float) -> None:
@@ -77,25 +81,24 @@ class RoverMotors:
         self.battery: Battery = Battery(self._vehicle.battery, charge)
         self._voltage_v = self._line_v = self.battery.voltage_v(self._vehicle.electronics_a)
         self.current_a: float = self._vehicle.electronics_a  # out of the battery
-        self.command("off", (0.0,) * len(self._vehicle.wheels))
+        self.command("off", (0.0,) * self._count)
 
     def order(self, command: DriveCommand, time_s: float) -> None:
         """Do what a command says; one without values is neutral, a brake of NEUTRAL_BRAKE_A.
 
         Raises:
             UnknownNameError: there is no such mode.
-            PlantError: the values are not one finite number for each wheel.
+            PlantError: the values are not one finite number for each motor.
         """
         if command.mode not in MODES:
             raise UnknownNameError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, MODES))
-        count = len(self._vehicle.wheels)
         if not command.values:
             self.neutral()
             return
-        if len(command.values) != count or not all(map(math.isfinite, command.values)):
+        if len(command.values) != self._count or not all(map(math.isfinite, command.values)):
             raise PlantError(
                 f"At {time_s:g} s the command of the motors is {command.values}.",
-                fix=f"send {count} finite numbers, one for each wheel.",
+                fix=f"send {self._count} finite numbers, one for each motor.",
             )
         self.command(command.mode, command.values)
 
@@ -108,7 +111,7 @@ class RoverMotors:
 
     def neutral(self) -> None:
         """Brake: a rover that rolls freely drives down a slope."""
-        self.command("brake", (NEUTRAL_BRAKE_A,) * len(self._vehicle.wheels))
+        self.command("brake", (NEUTRAL_BRAKE_A,) * self._count)
 
     def _set_lines(self) -> None:
         motor, voltage_v = self._motor, self._line_v
@@ -152,10 +155,10 @@ class RoverMotors:
         """Voltage of the battery under the last load."""
         return self._voltage_v
 
-    def reading(self, wheel: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading:
-        """Return the state of a wheel's motor; its current is that of the last step."""
+    def reading(self, motor_index: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading:
+        """Return the state of a motor; its current is that of the last step."""
         motor, supply_v = self._motor, self._voltage_v
-        current_a = self._axles.torques_nm()[wheel] / motor.nm_per_a
+        current_a = self._axles.torques_nm()[motor_index] / motor.nm_per_a
         volts = current_a * motor.resistance_ohm + rate_radps * motor.v_per_radps
         duty = min(1.0, max(-1.0, volts / supply_v)) if supply_v > 0.0 else 0.0
         battery_a = max(0.0, current_a * duty)

@@ -1,4 +1,4 @@
-"""Numbers of a vehicle on wheels with motors of their own: where they are, what they weigh, how they hang.
+"""Numbers of a vehicle on wheels with motors: where they are, what they weigh, how they hang, what turns them.
 
 Body frame: x forward, y left, z up; its origin lies on the ground under the middle of the vehicle when it stands level.
 """
@@ -11,7 +11,7 @@ from typing import Annotated
 from snr_sim.plants.battery import BatteryPack
 from snr_sim.plants.ground.dc_motor import DcMotor
 from snr_sim.plants.parameter_limits import GRAMS, IS_ABOVE, LIMITS, MILLIMETRES, Limit, Record, check_valid
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.sums import ordered_sum
 
 PART_KG = Limit(0.0, 500.0, "kg", "a rover that people lift has 50", GRAMS, IS_ABOVE)
@@ -21,19 +21,21 @@ SIZE_M = Limit(0.01, 5.0, "m", "a rover that people lift is smaller", MILLIMETRE
 INERTIA = Limit(0.0, 1000.0, "kg m2", "a box of 40 kg and a metre has about 5", {}, IS_ABOVE)
 TURN_RAD = Limit(0.0, 1.5, "rad", "a bogie turns by about 0.5", {"degrees": 0.017453292519943295}, IS_ABOVE)
 AXES = ("x", "y", "z")
+OWN_MOTOR, NO_MOTOR = "own", "none"
 
 
 @dataclass(frozen=True)
 class Wheel(Record, who="The wheel's "):
-    """A wheel with a motor.
+    """A wheel.
 
     Args:
-        name: of it and of its motor, as "LF".
+        name: of it, and of its motor if it has one of its own, as "LF".
         position_m: of the middle of its axle.
         radius_m, width_m: of the tyre when nothing presses it.
         mass_kg: with the motor.
         hangs_on: "chassis", "rocker" or "bogie", those of its side.
         friction_scale: factor on the ground's friction; 0 is a caster.
+        motor: "own"; "none" rolls freely; or the name of the wheel whose motor turns this one, too, by a chain.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Wheel(Record, who="The wheel's "):
     mass_kg: Annotated[float, PART_KG]
     hangs_on: str = "chassis"
     friction_scale: Annotated[float, LIMITS["grip"]] = 1.0
+    motor: str = OWN_MOTOR
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,7 +53,9 @@ class Wheel(Record, who="The wheel's "):
         check_valid(is_name, "A wheel's name", self.name, 'give one of letters and digits, as "LF".')
         is_part = self.hangs_on in ("chassis", "rocker", "bogie")
         check_valid(is_part, f"What wheel {self.name} hangs on", self.hangs_on, 'give "chassis", "rocker" or "bogie".')
-        check_valid(self.position_m[1] != 0.0, f"The position_m of wheel {self.name}", self.position_m, "y is not 0.")
+        is_in_line = self.motor == NO_MOTOR and self.hangs_on == "chassis"
+        what = f"The position_m of wheel {self.name}"
+        check_valid(self.position_m[1] != 0.0 or is_in_line, what, self.position_m, "y is not 0, or it is a caster.")
 
     @property
     def side(self) -> str:
@@ -86,14 +91,14 @@ class RoverVehicle(Record, who="The rover's "):
         center_of_mass_m: of the chassis.
         inertia_kgm2: of the chassis about its center of mass: roll, pitch, yaw.
         size_m, center_m: of the box that is its body, for contacts and pictures.
-        wheels: with their motors.
-        motor: of each wheel.
+        wheels: all.
+        motor: of each wheel that has its own.
         battery: of all.
         electronics_a: current of everything but the motors.
         suspension: None is a rigid one.
 
     Raises:
-        ParameterError: a number is out of range, names repeat, or what a wheel hangs on is not there.
+        ParameterError: a number is out of range, names repeat, or what a wheel hangs on or is turned by is not there.
     """
 
     chassis_kg: Annotated[float, PART_KG]
@@ -114,12 +119,23 @@ class RoverVehicle(Record, who="The rover's "):
         check_valid(len(set(names)) == len(names), "The names of the rover's wheels", names, "each has its own.")
         i, j, k = sorted(self.inertia_kgm2)
         check_valid(i + j >= k, "The rover's inertia_kgm2", self.inertia_kgm2, "no body has more than the sum of two.")
+        motors = [OWN_MOTOR, NO_MOTOR, *(wheel.name for wheel in self.motor_wheels)]
+        check_valid(len(motors) > 2, "The rover's motors", [wheel.motor for wheel in self.wheels], 'give one "own".')
         for wheel in self.wheels:
+            if wheel.motor not in motors:
+                raise ParameterError(
+                    f"The motor of wheel {wheel.name} is '{wheel.motor}'.", fix=suggest(wheel.motor, motors)
+                )
             if wheel.hangs_on != "chassis" and self.suspension is None:
                 raise ParameterError(
                     f"Wheel {wheel.name} hangs on a {wheel.hangs_on}, and the rover has no suspension.",
                     fix='give suspension=RockerBogie(...), or hangs_on="chassis".',
                 )
+
+    @property
+    def motor_wheels(self) -> tuple[Wheel, ...]:
+        """Return the wheels that have a motor of their own: a command has a value for each."""
+        return tuple(wheel for wheel in self.wheels if wheel.motor == OWN_MOTOR)
 
     @property
     def mass_kg(self) -> float:

@@ -35,6 +35,7 @@ class WheelContacts:
         self._vehicle, self._data, self._ground, self._soil_at = vehicle, data, ground, soil_at
         bodies = [int(model.body(f"wheel_{wheel.name}").id) for wheel in vehicle.wheels]
         self._bodies, self._count = np.array(bodies), count
+        self._dofs = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.wheels]
         # Views of one dimension, which take a flat list in half the time.
         self._plane_pos, self._plane_quat = data.mocap_pos[:count].reshape(-1), data.mocap_quat[:count].reshape(-1)
         self._belly_pos, self._belly_quat = data.mocap_pos[count], data.mocap_quat[count]
@@ -82,15 +83,19 @@ class WheelContacts:
         if steps % BELLY_STEPS == 0:
             self._lay_belly()
 
-    def after_step(self, rates: Sequence[float]) -> None:
-        """Take over loads and touched rocks of a step; set friction and resistance of soft soil for the next."""
+    def after_step(self, velocities: Sequence[float]) -> None:
+        """Take over loads and touched rocks of a step; set friction and resistance of soft soil for the next.
+
+        Args:
+            velocities: MuJoCo's, before the step.
+        """
         if self._data.ncon > self._count:
             self._note_rocks()
         elif self._touching:
             self._touching = frozenset()
         self._loads = None
         if not self._is_firm:
-            self._apply_soil(rates)
+            self._apply_soil([velocities[dof] for dof in self._dofs])
 
     def _look_up_soil(self) -> None:
         """Find the kind of ground under each wheel; firm ground has one friction, whatever the wheel does."""

@@ -21,7 +21,7 @@ from math import sqrt
 from snr_sim.plants.ground.dc_motor import Drive
 from snr_sim.plants.ground.rover_arms import wheel_inertia_kgm2
 from snr_sim.plants.ground.rover_loads import RoverLoads
-from snr_sim.plants.ground.rover_vehicle import RoverVehicle
+from snr_sim.plants.ground.rover_vehicle import OWN_MOTOR, RoverVehicle
 from snr_sim.plants.ground.wall_contacts import Speeds
 
 REST_MPS = 1e-3  # below this a contact counts as at rest
@@ -36,7 +36,7 @@ Point = tuple[float, float, float]  # speed of the contact, rate of the wheel, t
 
 
 class WheelFriction2D:
-    """The wheels of a rover in the plane. Implements `Axles`.
+    """The wheels of a rover in the plane, each with a motor of its own or none. Implements `Axles`.
 
     Speeds are in the body's axes: of the center of mass ahead and to the left, and of turning.
 
@@ -45,21 +45,22 @@ class WheelFriction2D:
         loads: its mass and inertia.
         rolling_m: radius at which each wheel rolls.
         step_s: of integration.
+
+    Attributes:
+        driven: which wheels have a motor.
     """
 
     def __init__(self, vehicle: RoverVehicle, loads: RoverLoads, rolling_m: Sequence[float], step_s: float) -> None:
         x_m, y_m = loads.center_m
-        motor = vehicle.motor
-        self._wheels = [
-            (
-                wheel.position_m[0] - x_m,
-                wheel.position_m[1] - y_m,
-                radius_m,
-                wheel_inertia_kgm2(wheel)[1] + motor.wheel_kgm2,
-            )
-            for wheel, radius_m in zip(vehicle.wheels, rolling_m, strict=True)
-        ]
+        self._wheels = []
+        for wheel, radius_m in zip(vehicle.wheels, rolling_m, strict=True):
+            rotor_kgm2 = vehicle.motor.wheel_kgm2 if wheel.motor == OWN_MOTOR else 0.0
+            inertia_kgm2 = wheel_inertia_kgm2(wheel)[1] + rotor_kgm2
+            self._wheels.append((wheel.position_m[0] - x_m, wheel.position_m[1] - y_m, radius_m, inertia_kgm2))
+        self.driven: list[int] = [i for i, wheel in enumerate(vehicle.wheels) if wheel.motor == OWN_MOTOR]
         self._mass_kg, self._yaw_kgm2, self._step_s = loads.mass_kg, loads.yaw_kgm2, step_s
+        self._lines: list[Line] = [(0.0, 0.0, 0.0)] * len(self._wheels)
+        self._limits = [(0.0, 0.0)] * len(self._wheels)
         self.restore((0.0,) * len(self._wheels))
 
     def snapshot(self) -> tuple[float, ...]:
@@ -72,15 +73,17 @@ class WheelFriction2D:
 
     def set_drives(self, drives: Sequence[Drive]) -> None:
         """Set what each motor does from now on."""
-        self._lines = [(one.value * one.gain_nm, one.slope_nms, one.friction_nm) for one in drives]
+        for i, one in zip(self.driven, drives, strict=True):
+            self._lines[i] = one.value * one.gain_nm, one.slope_nms, one.friction_nm
 
     def set_limits(self, limits_nm: Sequence[tuple[float, float]]) -> None:
         """Set the least and the largest torque of each motor."""
-        self._limits = limits_nm
+        for i, limits in zip(self.driven, limits_nm, strict=True):
+            self._limits[i] = limits
 
     def torques_nm(self) -> list[float]:
         """Return the torque of each motor in the last step, without its dry friction."""
-        return self._torques
+        return [self._torques[i] for i in self.driven]
 
     def advance(
         self,

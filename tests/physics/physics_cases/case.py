@@ -29,7 +29,8 @@ class Case:
         unit: of it.
         run: gives what it is, for a step.
         allowed: largest error, relative to the reference; if that is 0, in the unit.
-        why: what `allowed` leaves room for.
+        reason: what `allowed` leaves room for.
+        is_long: whether it takes seconds, too long for the fast lane.
     """
 
     group: str
@@ -39,6 +40,7 @@ class Case:
     run: Callable[[float], float]
     allowed: float
     reason: str = SECOND_ORDER
+    is_long: bool = False
 
     @cached_property
     def reference(self) -> float:

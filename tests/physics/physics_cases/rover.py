@@ -4,110 +4,57 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
-from snr_sim.plants.ground.height_map import HeightMap, flat, make_hills, ramp
+from snr_sim.plants.ground.height_map import make_hills, ramp
 from snr_sim.plants.ground.rocks import Ledge
-from snr_sim.plants.ground.rover import Rover, RoverStart
-from snr_sim.plants.ground.rover_file import read_rover
-from snr_sim.plants.ground.rover_vehicle import RoverVehicle
-from snr_sim.plants.ground.terramechanics import DRY_SAND, Ground
-from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
+from snr_sim.plants.ground.rover import RoverStart
 
 from .case import Case
-
-ROVER_STEPS_S = (0.001, 0.002, 0.004)
-VEHICLE = read_rover(Path(__file__).parents[3] / "robots" / "rover" / "vehicles" / "competition.toml")
-STRONG = replace(VEHICLE, motor=replace(VEHICLE.motor, limit_a=60.0))  # its brakes hold any wheel
-MOTOR, COUNT, GRAVITY = VEHICLE.motor, len(VEHICLE.wheels), 9.80665
-RADIUS_M, WIDTH_M = VEHICLE.wheels[0].radius_m, VEHICLE.wheels[0].width_m
-LEFT, RIGHT = slice(0, 3), slice(3, 6)
-FRICTION = 0.8
-
-SOFT = "tyres are soft, so loads shift a little as they are pressed"
-REGULARISED = "MuJoCo's friction begins and ends gradually"
-LAST_STEP = "friction of soil follows load and slip of the step before"
-
-
-def made(
-    step_s: float,
-    ground: HeightMap | None = None,
-    soil: Ground | None = None,
-    vehicle: RoverVehicle = VEHICLE,
-    start: RoverStart = RoverStart(),  # noqa: B008 - frozen
-    ledges: tuple[Ledge, ...] = (),
-) -> Rover:
-    return Rover(vehicle, ground or flat(), lambda seed: start, soil, ledges, step_s=step_s)
-
-
-def go(rover: Rover, seconds: float, mode: str = "", *values: float) -> Rover:
-    """Drive for a time, after a command to all wheels or to those of the left and the right side."""
-    if mode:
-        each = list(values) if len(values) == COUNT else [values[0]] * (COUNT // 2) + [values[-1]] * (COUNT // 2)
-        rover.write("drive", DriveCommand(mode, each))
-    for _ in range(round(seconds / rover.step_s)):
-        rover.step(rover.step_s)
-    return rover
-
-
-def motors(rover: Rover) -> list[MotorReading]:
-    return [rover.read(f"motor_{wheel.name}") for wheel in rover.vehicle.wheels]
-
-
-def rates(rover: Rover) -> np.ndarray:
-    return np.array([motor.speed_radps for motor in motors(rover)])
-
-
-def place(rover: Rover) -> np.ndarray:
-    return np.array(rover.read("pose").position_m)
-
-
-def speed_mps(rover: Rover) -> float:
-    return float(rover.truth()["values"]["speed_mps"])
-
-
-def slope(degrees: float, size_m: float = 80.0) -> HeightMap:
-    return ramp((math.tan(math.radians(degrees)), 0.0), size_m)
-
-
-def rolling_radius_m(rover: Rover) -> float:
-    """Return the distance from the axles to the middle of the contacts, the mean of all wheels."""
-    above = [
-        sum(
-            (a - p) * n
-            for a, p, n in zip(rover.truth()["poses"][f"wheel_{wheel.name}"][:3], at[:3], at[3:], strict=True)
-        )
-        for wheel, at in zip(VEHICLE.wheels, rover.contacts.planes, strict=True)
-    ]
-    return 0.5 * (RADIUS_M + sum(above) / COUNT)
+from .rover_kin import planar_vehicles
+from .rover_limits import in_the_air, tipping
+from .rover_plane import beside_mujoco, in_plane
+from .rover_power import energy, stalled
+from .rover_runs import (
+    COUNT,
+    FRICTION,
+    GRAVITY,
+    LEFT,
+    MOTOR,
+    RADIUS_M,
+    REGULARISED,
+    ROVER_STEPS_S,
+    SOFT,
+    STRONG,
+    VEHICLE,
+    Turn,
+    balance,
+    go,
+    made,
+    mass_height_m,
+    motors,
+    parts_of_a_side,
+    place,
+    rates,
+    rolling_radius_m,
+    shared,
+    slope,
+    speed_mps,
+    suspension,
+    turn,
+)
+from .rover_soil import coasting, on_soil, pulling, sunken
 
 
 def loads_at_rest() -> list[Case]:
     """Loads by the rule of levers: chassis and rocker are one body, the differential holds them; the bogie another."""
-    hung = VEHICLE.suspension
-    assert hung is not None
-    (rx, _), (bx, _) = hung.rocker_pivot_m, hung.bogie_pivot_m
     front, middle, back = (wheel.position_m[0] for wheel in VEHICLE.wheels[LEFT])
-    wheel_kg = VEHICLE.wheels[0].mass_kg
-    body = [
-        (0.5 * VEHICLE.chassis_kg, VEHICLE.center_of_mass_m[0]),
-        (hung.rocker_kg, rx + 0.25 * (front - rx + bx - rx)),
-        (wheel_kg, front),
-    ]
-    bogie = [(hung.bogie_kg, bx + 0.25 * (middle - bx + back - bx)), (wheel_kg, middle), (wheel_kg, back)]
-
-    def shared(parts: list[tuple[float, float]], one: float, other: float, more: tuple[float, float]) -> list[float]:
-        weight = GRAVITY * sum(kg for kg, _ in parts) + more[0]
-        moment = GRAVITY * sum(kg * x for kg, x in parts) + more[0] * more[1]
-        at_other = (moment - weight * one) / (other - one)
-        return [weight - at_other, at_other]
-
-    on_front, on_bogie = shared(body, front, bx, (0.0, 0.0))
-    expected = [on_front, *shared(bogie, middle, back, (on_bogie, bx))]
+    pivot = suspension().bogie_pivot_m[0]
+    rocker, bogie = parts_of_a_side()
+    on_front, on_bogie = shared(rocker, front, pivot)
+    expected = [on_front, *shared(bogie, middle, back, (on_bogie, pivot))]
 
     @cache
     def found(step_s: float) -> list[float]:
@@ -122,18 +69,7 @@ def loads_at_rest() -> list[Case]:
 
 def leaning() -> list[Case]:
     """On a slope across, the upper wheels carry weight / 2 * (cos - height / half the track * sin)."""
-    half_m = VEHICLE.wheels[0].position_m[1]
-    hung = VEHICLE.suspension
-    assert hung is not None
-    # The height of the centre of mass over the contacts: parts by their masses, rods in their middle.
-    (_, rz), (_, bz) = hung.rocker_pivot_m, hung.bogie_pivot_m
-    axle = VEHICLE.wheels[0].position_m[2]
-    rocker_z, bogie_z = rz + 0.25 * (axle - rz + bz - rz), bz + 0.5 * (axle - bz)
-    height_m = (
-        VEHICLE.chassis_kg * VEHICLE.center_of_mass_m[2]
-        + 2.0 * (hung.rocker_kg * rocker_z + hung.bogie_kg * bogie_z)
-        + COUNT * VEHICLE.wheels[0].mass_kg * axle
-    ) / VEHICLE.mass_kg
+    half_m, height_m = VEHICLE.wheels[0].position_m[1], mass_height_m()
 
     def upper(degrees: float) -> Callable[[float], float]:
         def run(step_s: float) -> float:
@@ -179,48 +115,23 @@ def rolling() -> list[Case]:
 
 
 def turning() -> list[Case]:
-    """Turning rate at which friction of six sliding wheels is in balance: the least power of friction.
-
-    With wheel rates and loads given, power is a convex function of the three speeds of the body; it is found by
-    weighted least squares, repeated (Weiszfeld), which shares nothing with MuJoCo.
-    """
-    at = np.array([wheel.position_m[:2] for wheel in VEHICLE.wheels])
+    """Turning rate at which friction of six sliding wheels is in balance."""
 
     @cache
-    def found(step_s: float, left: float, right: float) -> tuple[float, np.ndarray, np.ndarray, float]:
-        rover = go(made(step_s), 3.0, "speed", left, right)
-        turns, speeds = [], []
-        for _ in range(round(1.0 / step_s)):
-            rover.step(step_s)
-            turns.append(rover.read("imu").rate_radps[2])
-            speeds.append(rates(rover))
-        loads = np.array(rover.contacts.read_loads())
-        return float(np.mean(turns)), np.mean(speeds, axis=0), loads, rolling_radius_m(rover)
+    def found(step_s: float, left: float, right: float) -> Turn:
+        return turn(made(step_s), left, right)
 
-    def balance(left: float, right: float) -> float:
-        _, wheel_rates, loads, radius_m = found(ROVER_STEPS_S[0], left, right)
-        rolled, twist = wheel_rates * radius_m, np.zeros(3)
-        per_twist = [np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) for x, y in at]
-        for _ in range(5000):
-            matrix, vector = np.zeros((3, 3)), np.zeros(3)
-            for to_speed, along, load in zip(per_twist, rolled, loads, strict=True):
-                slid = to_speed @ twist - [along, 0.0]
-                weight = load / math.sqrt(slid @ slid + 1e-16)
-                matrix += weight * to_speed.T @ to_speed
-                vector += weight * to_speed.T @ [along, 0.0]
-            new = np.linalg.solve(matrix, vector)
-            if np.abs(new - twist).max() < 1e-12:
-                break
-            twist = new
-        return float(twist[2])
+    def expected(left: float, right: float) -> float:
+        there = found(ROVER_STEPS_S[0], left, right)
+        return float(balance(VEHICLE, there.wheel_radps * there.radii_m.mean(), there.loads_n)[2])
 
     return [
         Case(
             "Driving",
             f"turning rate with wheels commanded to {left:g} and {right:g} rad/s",
-            lambda a=left, b=right: balance(a, b),
+            lambda a=left, b=right: expected(a, b),
             "rad/s",
-            lambda s, a=left, b=right: found(s, a, b)[0],
+            lambda s, a=left, b=right: found(s, a, b).radps,
             0.01,
             REGULARISED,
         )
@@ -240,10 +151,18 @@ def gripping() -> list[Case]:
 
         return run
 
-    def slide(step_s: float) -> float:
-        rover = go(made(step_s, slope(40.0), vehicle=STRONG, start=RoverStart((20.0, 0.0))), 1.5, "brake", 60.0)
-        before = speed_mps(rover)
-        return (speed_mps(go(rover, 1.0)) - before) / 1.0
+    def slide(degrees: float) -> Callable[[float], float]:
+        def run(step_s: float) -> float:
+            start = RoverStart((20.0, 0.0))
+            rover = go(made(step_s, slope(degrees), vehicle=STRONG, start=start), 1.5, "brake", 60.0)
+            before = speed_mps(rover)
+            return (speed_mps(go(rover, 1.0)) - before) / 1.0
+
+        return run
+
+    def sliding_mps2(degrees: float) -> float:
+        angle = math.radians(degrees)
+        return GRAVITY * (math.sin(angle) - FRICTION * math.cos(angle))
 
     def stop(step_s: float) -> float:
         """Return the way of a stop with locked wheels from 2 m/s."""
@@ -252,18 +171,20 @@ def gripping() -> list[Case]:
         rover._data.qvel[0] = 2.0
         return float(place(go(rover, 2.0))[0] - before)
 
-    steep = math.radians(40.0)
     return [
         Case("Gripping", "creeps down 20 degrees with locked wheels", 0.0, "mm/s", creep(20.0), 5.0, REGULARISED),
         Case("Gripping", f"creeps 0.6 degrees below {limit:.2f}", 0.0, "mm/s", creep(limit - 0.6), 15.0, REGULARISED),
-        Case(
-            "Gripping",
-            "acceleration down 40 degrees with locked wheels",
-            GRAVITY * (math.sin(steep) - FRICTION * math.cos(steep)),
-            "m/s2",
-            slide,
-            0.01,
-            REGULARISED,
+        *(
+            Case(
+                "Gripping",
+                f"acceleration down {degrees:.5g} degrees with locked wheels",
+                sliding_mps2(degrees),
+                "m/s2",
+                slide(degrees),
+                0.01,
+                REGULARISED,
+            )
+            for degrees in (limit + 0.6, 40.0)
         ),
         Case(
             "Gripping",
@@ -351,40 +272,6 @@ def driven() -> list[Case]:
     return found
 
 
-def on_soil() -> list[Case]:
-    """Slip at which traction carries the weight's share and the resistance of the soil, with the loads found."""
-
-    @cache
-    def found(step_s: float, degrees: float) -> tuple[float, list[float]]:
-        rover = go(made(step_s, slope(degrees), DRY_SAND, start=RoverStart((-25.0, 0.0))), 8.0, "speed", 4.0)
-        speed = speed_mps(rover)
-        return 1.0 - speed / (float(rates(rover).mean()) * rolling_radius_m(rover)), rover.contacts.read_loads()
-
-    def expected(degrees: float) -> float:
-        loads = found(ROVER_STEPS_S[0], degrees)[1]
-        needed_n = VEHICLE.mass_kg * GRAVITY * math.sin(math.radians(degrees))
-        needed_n += sum(DRY_SAND.resistance_n(load, RADIUS_M, WIDTH_M) for load in loads)
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            slip = 0.5 * (low + high)
-            traction_n = sum(load * DRY_SAND.friction_at(slip, load, RADIUS_M, WIDTH_M) for load in loads)
-            low, high = (slip, high) if traction_n < needed_n else (low, slip)
-        return low
-
-    return [
-        Case(
-            "Dry sand",
-            f"slip on {degrees:g} degrees",
-            lambda d=degrees: expected(d),
-            "",
-            lambda s, d=degrees: found(s, d)[0],
-            0.005,
-            LAST_STEP,
-        )
-        for degrees in (0.0, 2.5, 5.0, 8.0)
-    ]
-
-
 def suspended() -> list[Case]:
     """The chassis has the mean pitch of both rockers, here with a wheel on a ledge of 8 cm."""
 
@@ -420,11 +307,15 @@ def refined() -> list[Case]:
             lambda s: 1e3 * float(np.linalg.norm(end(s) - end(0.0005))),
             10.0,
             "of first order in the step",
+            is_long=True,
         )
     ]
 
 
 def rover_cases() -> list[Case]:
     """Return all cases, in the order of the page."""
-    groups = (loads_at_rest, leaning, rolling, turning, gripping, driven, on_soil, suspended, refined)
+    groups = (
+        loads_at_rest, leaning, tipping, in_the_air, rolling, turning, gripping, driven, stalled, on_soil, pulling,
+        coasting, sunken, suspended, refined, energy, planar_vehicles, in_plane, beside_mujoco,
+    )  # fmt: skip
     return [case for group in groups for case in group()]
