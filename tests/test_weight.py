@@ -19,7 +19,7 @@ MAX_LINES = {
     "snr_sim/plants": 9790,
     "snr_sim/prelude": 2860,
     "snr_sim/recording": 4740,
-    "snr_sim/scenario": 3890,
+    "snr_sim/scenario": 3900,
     "snr_sim/schemas": 120,
     "snr_sim/std_mods": 870,
     "snr_sim/supervision": 330,
@@ -27,10 +27,10 @@ MAX_LINES = {
     "snr_sim/testing": 2540,
     "snr_sim/view": 3220,
     "snr_sim/web": 2940,
-    "robots": 4500,
-    "scenarios": 1830,
+    "robots": 5190,
+    "scenarios": 2020,
     "assignments": 8500,
-    "tests": 89500,
+    "tests": 89700,
     "snr_sim/grading/sandbox": 800,
 }
 
