@@ -19,6 +19,7 @@ from snr_sim.plants import DRY_SAND, Coulomb, Ground, HeightMap, RoverStart
 from snr_sim.scenario import Verdict, rng_for
 
 ROBOT = "rover"
+ROLES = ("rover",)
 ENGINES = ("mujoco", "pymunk")
 CONTROLLER = "climb"
 TIME_LIMIT_S = 90.0

@@ -141,13 +141,9 @@ NOT_PUBLIC: dict[str, set[str]] = {
     "robots/urov/autopilot.py": {
         "snr_sim.core.datastore.page_age_s",
         "snr_sim.plants.urov.t200.curve",
-        "snr_sim.prelude.recorder.RECORDING_KEY",
     },
     "robots/urov/controllers/holds.py": {
         "snr_sim.core.config.AnyFactory",
-    },
-    "robots/urov/controls.py": {
-        "snr_sim.prelude.task.ensure_type_info",
     },
     "robots/urov/evaluation.py": {
         "snr_sim.plants.urov.t200.STOP_US",
@@ -164,7 +160,6 @@ NOT_PUBLIC: dict[str, set[str]] = {
         "snr_sim.devices.wire.mcu_messages.BAUD",
         "snr_sim.plants.urov.t200.MAX_PULSE_US",
         "snr_sim.plants.urov.t200.MIN_PULSE_US",
-        "snr_sim.prelude.recorder.RECORDING_KEY",
     },
 }
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from snr_sim.devices import InertialUnit, SensorErrors
+from snr_sim.devices import GpsReceiver, InertialUnit, SensorErrors
+from snr_sim.links import LinkFaults
 from snr_sim.plants import RoverVehicle, read_rover
+from snr_sim.teleop import Cue
 
 MOTOR_ERRORS = SensorErrors(
     noise={"current_a": 0.05, "voltage_v": 0.02},  # [O]
@@ -32,8 +35,19 @@ class RoverParameters:
 
     vehicle: RoverVehicle = field(default_factory=vehicle)
     imu: InertialUnit = field(default_factory=InertialUnit)
+    gps: GpsReceiver = field(default_factory=GpsReceiver)
+    gps_hz: float = 0.0  # readings of the receiver, which reports 10 times a second; 0: there is none
+    route: tuple[tuple[float, float], ...] = ()  # latitude and longitude of way points [degrees]
+    script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person; empty: there is no pilot
+    command_hz: float = 20.0  # how often the surface sends controls [O]
+    # Wi-Fi outdoors within a few hundred meters [O].
+    radio: LinkFaults = field(default_factory=lambda: LinkFaults(latency_s=0.005, jitter_s=0.005))
+    port: int = 9130  # of the link, when it is a real one
     motors_hz: float = 20.0  # readings of each motor's controller [O]
     imu_hz: float = 50.0  # [O]
     power_hz: float = 2.0  # [O]
     drive_hz: float = 50.0  # how often a command is written [O]
     drive_timeout_s: float = 0.25  # a command older than this is a brake [O]
+    limit_mps: float = 1.5  # speed of a full stick; its motors can 2 [O]
+    limit_radps: float = 0.25 * math.pi  # rate of turning of a full stick [O]
+    tyre_m: float = 0.0045  # the rolling radius is that much less: half of what the load presses in (PHYSICS.md)

@@ -1,15 +1,19 @@
-"""The rover: one role, a motor in each of six wheels, an inertial unit.
+"""The rover: a motor in each of six wheels, an inertial unit, and, if asked for, a satellite receiver and a pilot.
 
-    plant --> motor_LF ... motor_RB --> pages of the same names --.
-         |--> imu                   --> page "imu"              --+--> controller --> page "drive" --> motors --> plant
-         `--> power                 --> page "power"            --'    (controllers/*, or yours)
+    topside                                  rover
+    pilot --> page "controls" ==== link ===> controller --> page "drive" --> motors --> plant
+                                             ^ pages motor_LF ... motor_RB, imu, gps, power <----- plant
+    display, link monitor  <================ pages "vehicle", "odometry", "power"
 
     motor_LF  speed_radps and turned_rad of the wheel, current_a, voltage_v and more: see MotorReading in
               snr_sim/prelude/ground_signals.py; LF is left front, then LM, LB, RF, RM, RB
     imu       rate_radps, specific_force_mps2, roll_rad, pitch_rad (positive: the nose goes down), yaw_rad, stamp_s
+    gps       latitude_deg, longitude_deg, speed_mps, course_rad, stamp_s; where parameters.gps_hz is not 0
     power     voltage_v, current_a, stamp_s
     drive     mode ("speed", "current", "duty", "brake" or "off") and values, one for each wheel in the order above:
               rad/s, A, -1 to 1, or A
+    controls  what the surface asks for, where there is a pilot (controls.py); odometry and vehicle come from the
+              controllers that need them (odometry.py, controllers/sticks.py)
 
 A command older than a quarter of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
 down a slope. Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
@@ -21,16 +25,37 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from snr_sim.devices import ActuatorLoopFactory, SensorErrors, SensorLoopFactory, SimActuator, SimSensor
-from snr_sim.scenario import Factory, RobotContext
+from snr_sim.devices import (
+    ActuatorLoopFactory,
+    GamepadLoopFactory,
+    PygameGamepad,
+    SensorErrors,
+    SensorLoopFactory,
+    SimActuator,
+    SimSensor,
+)
+from snr_sim.errors import ParameterError
+from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
 from snr_sim.signals import DriveCommand
+from snr_sim.teleop import DeadmanSwitch, Keyboard, LinkMonitorFactory, ManualInput, pilot_of, surface_link
 
-from .parameters import MOTOR_ERRORS
+from .controls import DEADMAN_BUTTON, LAYOUTS, LEGENDS, gamepad_pilot, layout_of, scripted_pilot
+from .display import display
+from .parameters import MOTOR_ERRORS, RoverParameters
 
-ROLES = ("rover",)
+ROLES = ("rover", "topside")
 IO = ("sim",)
-OPTIONS: dict[str, str] = {}
+OPTIONS = {
+    "pilot": "scripted, or manual (game controller, keyboard)",
+    "sticks": "arcade (one stick ahead and to the sides), or tank (a stick for each side)",
+    "deadman": "yes: a game controller's sticks count only while its left shoulder is held",
+    "host": "where the rover listens, when roles run by themselves: 127.0.0.1",
+    "port": "and its port there, the same at both ends: 9130",
+    "secret": "file with a text that both ends have, so that others cannot steer (or the variable SNR_SECRET holds it)",
+    "allow": "addresses of surface computers that the rover takes without a secret, with commas between",
+}
 MAX_VALUE = 100.0  # the motors' own limits are narrower, and depend on the mode
+TO_TOPSIDE = ("vehicle", "odometry", "power", RECORDING_KEY)
 
 
 def sim_sensor(context: RobotContext, name: str, errors: SensorErrors) -> SimSensor:
@@ -44,14 +69,30 @@ def sim_imu(context: RobotContext) -> SimSensor:
     return sensor
 
 
+def sim_gps(context: RobotContext) -> SimSensor:
+    """Open the simulated satellite receiver."""
+    sensor: SimSensor = context.robot.parameters.gps.simulated(context.plant, "pose", context.rng("gps"))
+    return sensor
+
+
 def sim_motors(context: RobotContext) -> SimActuator[DriveCommand]:
     """Open the simulated motors."""
     return SimActuator(context.plant, "drive", DriveCommand, {"values": (-MAX_VALUE, MAX_VALUE)})
 
 
+def manual_input(context: RobotContext) -> ManualInput:
+    """Open a game controller, or the keyboard."""
+    options = context.robot.options
+    return ManualInput(
+        lambda: DeadmanSwitch(PygameGamepad(), DEADMAN_BUTTON) if options.get("deadman") == "yes" else PygameGamepad(),
+        lambda: Keyboard(LAYOUTS[layout_of(options)]),
+        context.now_s,
+    )
+
+
 def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, list[Any]]:
-    """Return the components of the role: sensors first and motors last, so a reading acts within its tick."""
-    parameters = context.robot.parameters
+    """Return the components of each role. Sensors are first and motors last, so a reading acts within its tick."""
+    parameters: RoverParameters = context.robot.parameters
     names = [f"motor_{wheel.name}" for wheel in parameters.vehicle.motor_wheels]
     sensors = [
         SensorLoopFactory(name, partial(sim_sensor, context, name, MOTOR_ERRORS), parameters.motors_hz)
@@ -60,5 +101,33 @@ def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, lis
     sensors.append(SensorLoopFactory("imu", partial(sim_imu, context), parameters.imu_hz))
     power = partial(sim_sensor, context, "power", SensorErrors())
     sensors.append(SensorLoopFactory("power", power, parameters.power_hz))
+    if parameters.gps_hz:
+        sensors.append(SensorLoopFactory("gps", partial(sim_gps, context), parameters.gps_hz))
     motors = ActuatorLoopFactory("drive", partial(sim_motors, context), parameters.drive_hz, parameters.drive_timeout_s)
-    return {"rover": [*sensors, *controller, motors]}
+    rover, extra = [*sensors, *controller, motors], list(context.extra_components.get("topside", ()))
+    if not parameters.script:
+        _check_no_options(context)
+        return {"rover": rover, "topside": extra}
+    radio = surface_link(context, "rover", "radio", parameters.port, parameters.radio)
+    # The surface does not listen, so it does not need the settings that restrict access to the rover.
+    below = [] if context.standalone_role == "topside" else [radio.server(TO_TOPSIDE, accept=["controls"])]
+    above = [radio.client("controls", accept=TO_TOPSIDE), *_surface(context, parameters), *extra]
+    return {"rover": [*below, *rover], "topside": above}
+
+
+def _surface(context: RobotContext, parameters: RoverParameters) -> list[Factory]:
+    """Return the pilot's components: with `--option pilot=manual` those of a person, else one who follows a script."""
+    options = context.robot.options
+    layout, monitor = layout_of(options), LinkMonitorFactory("link_radio")
+    if pilot_of(options) == "scripted":
+        return [scripted_pilot(parameters.script, parameters.command_hz), display(in_lock_step=False), monitor]
+    gamepad = GamepadLoopFactory("gamepad", partial(manual_input, context), parameters.command_hz)
+    return [gamepad, gamepad_pilot(layout), display(has_gamepad=True, lines=LEGENDS[layout]), monitor]
+
+
+def _check_no_options(context: RobotContext) -> None:
+    for name in sorted(context.robot.options.keys() & OPTIONS.keys()):
+        raise ParameterError(
+            f"--option {name}=... has no effect: there is no pilot in {context.robot.scenario}.",
+            fix="leave it out, or run rover_teleop.",
+        )

@@ -17,8 +17,7 @@ from snr_sim import Endpoint, EndpointFactory, Loop, SomeTasks, Task, handles, t
 from snr_sim.core.datastore import page_age_s
 from snr_sim.errors import CommandError, UnknownNameError
 from snr_sim.plants.urov.t200 import curve
-from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.scenario import NodeApi
+from snr_sim.scenario import RECORDING_KEY, NodeApi
 from snr_sim.signals import RESET, STOPPED, DepthReading, ImuReading
 from snr_sim.std_mods import Allocation, SlewRateLimiter, ThrustCurve
 

@@ -12,9 +12,8 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.errors import CommandError, UnknownNameError, suggest
-from snr_sim.prelude.task import ensure_type_info
-from snr_sim.teleop import Cue, GamepadPilotFactory, ScriptedPilotFactory, Stick, legend
+from snr_sim.errors import CommandError
+from snr_sim.teleop import Cue, GamepadPilotFactory, ScriptedPilotFactory, Stick, legend, read_controls
 
 # Each mode does what those before it do, too; "manual" is the sticks alone.
 MODES = ("manual", "stabilise", "depth_hold", "heading_hold")
@@ -50,16 +49,7 @@ def controls_of(data: Any) -> Controls:
         CommandError: it is not a command, or a number in it is not valid or out of range.
         UnknownNameError: there is no such mode.
     """
-    try:
-        controls = msgspec.convert(data, ensure_type_info(Controls))
-    except msgspec.ValidationError as error:
-        raise CommandError(f"The page 'controls' is invalid: {error}.", fix="store the fields of Controls.") from error
-    if controls.mode not in MODES:
-        raise UnknownNameError(f"There is no mode '{controls.mode}'.", fix=suggest(controls.mode, MODES))
-    for stick in STICKS:
-        value = getattr(controls, stick)
-        if not -1.0 <= value <= 1.0:
-            raise CommandError(f"Stick '{stick}' must be in -1 to 1, not {value!r}.", fix="clamp it.")
+    controls = read_controls(Controls, data, MODES, STICKS)
     for name in ("depth_m", "heading_rad"):
         value = getattr(controls, name)
         if value is not None and not math.isfinite(value):

@@ -19,6 +19,7 @@ from typing import Annotated
 from snr_sim.errors import ParameterError
 from snr_sim.plants import IS_ABOVE, Limit, check_record
 from snr_sim.signals import PowerReading
+from snr_sim.teleop import NewestControls
 
 from .controls import Controls
 from .failsafes import MILLISECONDS, OUTPUTS, Failsafes
@@ -72,15 +73,13 @@ class FailsafeLimits:
             )
 
 
-class FailsafeMonitor:
+class FailsafeMonitor(NewestControls[Controls]):
     """State machine of the newest controls and of the current failures."""
 
     def __init__(self, limits: FailsafeLimits, failsafes: Failsafes | None = None) -> None:
+        super().__init__(Controls(), limits.stale_s)
         self.limits = limits
         self.failsafes = failsafes or Failsafes()
-        self.controls = Controls()
-        self.controls_s: float | None = None
-        self.is_stopped = False
         # Why the outputs disarmed themselves; empty once they are armed again, or a person has disarmed.
         self.output_fault = ""
         self.is_leaking = False
@@ -94,22 +93,11 @@ class FailsafeMonitor:
         self._low_since_s: float | None = None
 
     def on_controls(self, controls: Controls, made_s: float) -> None:
-        """Take controls, made at a moment of the vehicle's clock. A stop counts in any order.
-
-        Of two others, the one with the higher number is newer; but after a silence any number counts, for a program at
-        the surface that was started again begins with 1.
-        """
-        self.is_stopped = self.is_stopped or controls.is_stop
-        is_overtaken = self.controls_s is not None and controls.number <= self.controls.number
-        if is_overtaken and made_s - (self.controls_s or 0.0) <= self.limits.stale_s:
-            return
-        self.controls, self.controls_s = controls, made_s
-        if not controls.is_armed:
+        """Take controls, made at a moment of the vehicle's clock; those that disarm end what failures have set."""
+        if self.take(controls, made_s) and not controls.is_armed:
             self.output_fault = ""
             for known in (self.since_s, self.words, self._resumed_causes):
                 known.clear()  # active causes are detected again
-        if controls.clears_stop and not (controls.is_stop or controls.is_armed):
-            self.is_stopped = False
 
     def on_power(self, power: PowerReading) -> None:
         """Take what the power module measured, and so notice a battery that has been low for long enough."""
@@ -121,10 +109,6 @@ class FailsafeMonitor:
         if self._low_since_s is None:
             self._low_since_s = power.stamp_s
         self.is_battery_low = self.is_battery_low or power.stamp_s - self._low_since_s >= limits.low_s - 1e-9
-
-    def age_s(self, now_s: float) -> float | None:
-        """Return how old the newest controls are; None if there are none."""
-        return None if self.controls_s is None else now_s - self.controls_s
 
     # -- what fails ---------------------------------------------------------------------------------------------------
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from snr_sim.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.scenario import RobotContext
-from snr_sim.teleop import presses_of
+from snr_sim.teleop import pilot_of, presses_of
 
-PILOTS = ("scripted", "manual")
 BUTTONS = ("stop", "reset")  # of the panel
 
 
@@ -18,17 +17,7 @@ def check_options(context: RobotContext) -> None:
         ParameterError: a value has no effect in this run, so it is a mistake.
     """
     options = context.robot.options
-    pilot = options.get("pilot", PILOTS[0])
-    if pilot not in PILOTS:
-        raise UnknownNameError(f"--option pilot={pilot}: there is no such pilot.", fix=suggest(pilot, PILOTS))
-    deadman = options.get("deadman", "no")
-    if deadman not in ("yes", "no"):
-        raise UnknownNameError(f"--option deadman must be yes or no, not {deadman}.", fix="--option deadman=yes")
-    if deadman == "yes" and pilot != "manual":
-        raise ParameterError(
-            f"--option deadman=yes requires pilot=manual, not pilot={pilot}.",
-            fix="add --option pilot=manual, or leave out deadman.",
-        )
+    pilot = pilot_of(options)
     power = options.get("power", "board")
     if power != "board":
         raise UnknownNameError(f"--option power={power} is not a valid source.", fix=suggest(power, ["board"]))

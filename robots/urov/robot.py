@@ -50,8 +50,7 @@ from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.errors import UnknownNameError
 from snr_sim.plants import Plant
 from snr_sim.plants.urov.t200 import MAX_PULSE_US, MIN_PULSE_US
-from snr_sim.prelude.recorder import RECORDING_KEY
-from snr_sim.scenario import Factory, RobotContext
+from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
 from snr_sim.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
 from snr_sim.teleop import (
     ButtonPanelFactory,

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS as POSITION_FIX_ERRORS
     from snr_sim.devices.sensors.position_fix import PositionFix as PositionFix
     from snr_sim.devices.sensors.position_fix import position_fix_of as position_fix_of
+    from snr_sim.devices.sensors.simulated_gps import GpsReceiver as GpsReceiver
     from snr_sim.devices.sensors.stereo import StereoCamera as StereoCamera
     from snr_sim.prelude.device import Actuator as Actuator
     from snr_sim.prelude.device import Device as Device

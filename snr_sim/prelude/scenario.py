@@ -16,6 +16,8 @@ Python modules found by path; the library does not contain their names. It requi
 A controller has components for the robot's first role, unless it lists roles: ROLES = ("topside",). Then factories is
 called once for each of them, with `robot.role`; a first role that is not listed gets the scenario's CONTROLLER.
 
+A scenario without a pilot may list the roles that run in it: ROLES = ("rover",). Otherwise all of the robot's do.
+
 robot.py may have `wrap_plant(context) -> Plant`: the plant to step in place of the scenario's
 (`context.plant`), for a row of the device table that puts a part between devices and plant, such as an emulated
 board; otherwise it returns `context.plant`.

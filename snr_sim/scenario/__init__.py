@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from snr_sim.prelude.angles import wrap_rad as wrap_rad
     from snr_sim.prelude.component import Factory as Factory
     from snr_sim.prelude.node_api import NodeApi as NodeApi
+    from snr_sim.prelude.recorder import RECORDING_KEY as RECORDING_KEY
     from snr_sim.prelude.rng import rng_for as rng_for
     from snr_sim.prelude.scenario import RobotContext as RobotContext
     from snr_sim.prelude.scenario import RobotInfo as RobotInfo

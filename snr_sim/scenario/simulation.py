@@ -95,14 +95,20 @@ class Simulation:
         return Path(str(self._controller.__file__))
 
     @property
+    def all_roles(self) -> tuple[str, ...]:
+        """The robot's roles, or those of them that the scenario lists as ROLES."""
+        roles: tuple[str, ...] = getattr(self.scenario, "ROLES", self.robot_file.ROLES)
+        return roles
+
+    @property
     def roles(self) -> list[str]:
-        """The roles that run: the requested one, or all of the robot's."""
-        return [self.request.role] if self.request.role else list(self.robot_file.ROLES)
+        """The roles that run: the requested one, or all."""
+        return [self.request.role] if self.request.role else list(self.all_roles)
 
     @property
     def is_standalone(self) -> bool:
         """Whether one role runs by itself, on the wall clock: one of several, or the only one with real devices."""
-        return not self.has_plant or (self.request.role is not None and len(self.robot_file.ROLES) > 1)
+        return not self.has_plant or (self.request.role is not None and len(self.all_roles) > 1)
 
     @property
     def has_plant(self) -> bool:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from snr_sim.teleop.link_options import surface_link as surface_link
     from snr_sim.teleop.manual_input import DeadmanSwitch as DeadmanSwitch
     from snr_sim.teleop.manual_input import ManualInput as ManualInput
+    from snr_sim.teleop.pilot_commands import NewestControls as NewestControls
+    from snr_sim.teleop.pilot_commands import pilot_of as pilot_of
+    from snr_sim.teleop.pilot_commands import read_controls as read_controls
     from snr_sim.teleop.scripted_pilot import Cue as Cue
     from snr_sim.teleop.scripted_pilot import ScriptedPilotFactory as ScriptedPilotFactory
 else:

@@ -7,7 +7,7 @@ Numbers are those of an Xbox controller under Linux. A button acts when it goes 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -77,6 +77,8 @@ class GamepadPilotFactory(EndpointFactory):
         sticks: inputs of each field of the controls.
         modes: its modes, from the first.
         key: of the page, if a component at the surface makes "controls" of it.
+        curve: how far a stick counts, from how far it is moved.
+        triggers: axes of fields of the controls that are true while a trigger is pressed by more than half.
     """
 
     def __init__(
@@ -85,12 +87,16 @@ class GamepadPilotFactory(EndpointFactory):
         sticks: Mapping[str, Stick],
         modes: Sequence[str],
         key: str = "controls",
+        curve: Callable[[float], float] = apply_expo,
+        triggers: Mapping[str, int] | None = None,
     ) -> None:
         super().__init__()
         self.command_type: type[msgspec.Struct] = command_type
         self.sticks: Mapping[str, Stick] = sticks
         self.modes: Sequence[str] = modes
         self.key: str = key
+        self.curve: Callable[[float], float] = curve
+        self.triggers: Mapping[str, int] = triggers or {}
 
     def get(self, parent: NodeApi) -> GamepadPilot:
         """Return the endpoint 'pilot'."""
@@ -127,9 +133,10 @@ class GamepadPilot(Endpoint):
             is_stop=latched.is_stop,
             clears_stop=self.clears,
             **{
-                name: -apply_expo(gamepad.axes[stick.axis]) if stick.axis < len(gamepad.axes) else 0.0
+                name: -factory.curve(gamepad.axes[stick.axis]) if stick.axis < len(gamepad.axes) else 0.0
                 for name, stick in factory.sticks.items()
             },
+            **{name: axis < len(gamepad.axes) and gamepad.axes[axis] > 0.0 for name, axis in factory.triggers.items()},
         )
         return self.store_data_task(factory.key, msgspec.structs.asdict(controls))
 

@@ -19,27 +19,37 @@ PRESSED_FROM = 0.5  # from here on; SDL reports 0 for a trigger that has not bee
 
 
 class DeadmanSwitch(LifeCycle):
-    """A gamepad whose sticks count only while its right trigger is held. Implements Sensor.
+    """A gamepad whose sticks count only while its right trigger, or another button, is held. Implements Sensor.
 
     Buttons count at any time, so the emergency stop does, too. A keyboard needs no such switch: a key that is
-    released is a stick at rest. The gamepad is open.
+    released is a stick at rest.
+
+    Args:
+        gamepad: an open one.
+        button: number of the button, which then does nothing else; None: the trigger.
     """
 
     title = "The game controller with its deadman's trigger"
 
-    def __init__(self, gamepad: Any) -> None:
-        self._gamepad = gamepad
+    def __init__(self, gamepad: Any, button: int | None = None) -> None:
+        self._gamepad, self._button = gamepad, button
 
     def read(self) -> GamepadReading | Stale:
-        """Return the gamepad's reading, with its sticks at rest unless the trigger is held.
+        """Return the gamepad's reading, with its sticks at rest unless the switch is held.
 
         Raises:
             SensorLostError: the gamepad is closed.
         """
         reading: GamepadReading | Stale = self._gamepad.read()
-        if isinstance(reading, Stale) or (len(reading.axes) > TRIGGER and reading.axes[TRIGGER] >= PRESSED_FROM):
+        if isinstance(reading, Stale):
             return reading
-        return msgspec.structs.replace(reading, axes=[0.0] * len(reading.axes))
+        if self._button is None:
+            is_held = len(reading.axes) > TRIGGER and reading.axes[TRIGGER] >= PRESSED_FROM
+        else:
+            is_held = any(reading.buttons[self._button : self._button + 1])
+            buttons = [is_down and i != self._button for i, is_down in enumerate(reading.buttons)]
+            reading = msgspec.structs.replace(reading, buttons=buttons)
+        return reading if is_held else msgspec.structs.replace(reading, axes=[0.0] * len(reading.axes))
 
     def on_close(self) -> None:
         """Close the gamepad."""

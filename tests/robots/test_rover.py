@@ -12,7 +12,10 @@ from snr_sim.plants import Rover, RoverStart
 from snr_sim.plants.ground.height_map import flat
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.task import Page
+from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import read_trace
+from snr_sim.recording.records import PageRecord, TruthRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
@@ -24,8 +27,8 @@ from tests.scenarios.recorded import simulate
 ROVER = library.find("robots", "rover")
 
 
-def run(controller: Path | None = None, seed: int = 0) -> tuple[RunResult, object]:
-    simulation = prepare(Request("rover_hill", seed, controller=None if controller is None else str(controller)))
+def run(controller: Path | None = None, seed: int = 0, scenario: str = "rover_hill") -> tuple[RunResult, object]:
+    simulation = prepare(Request(scenario, seed, controller=None if controller is None else str(controller)))
     plant = simulation.plant()
     return SimulationRun(simulation, plant, simulation.config(plant)).run(), plant
 
@@ -128,3 +131,43 @@ def test_unknown_vehicle_is_refused() -> None:
     with pytest.raises(SnrError, match="cannot be read"):
         part("parameters").vehicle("tank")
     assert math.isclose(part("parameters").vehicle().mass_kg, 43.0)
+
+
+@pytest.mark.slow
+def test_rover_drives_along_its_way_points_while_odometry_alone_drifts(tmp_path: Path) -> None:
+    result = simulate("rover_waypoints mujoco 0", tmp_path)
+    assert (result.outcome, result.success) == ("arrived", True)
+    assert max(result.metrics["nearest_m"]) < 3.0
+    assert 110.0 < result.metrics["way_m"] < 135.0
+    trace = read_trace(tmp_path / FILE_NAME)
+    true = {round(one.t, 1): one.poses["chassis"][:2] for one in trace.records if isinstance(one, TruthRecord)}
+    off = {}
+    for key in ("odometry", "navigation"):
+        pages = [
+            (round(one.t, 1), decode_value(bytes(one.values), {"page": Page})[0].data["position_m"])
+            for one in trace.records
+            if isinstance(one, PageRecord) and one.name == key
+        ]
+        off[key] = [math.dist(true[t_s], place) for t_s, place in pages if t_s in true]
+        assert len(off[key]) > 500
+    assert max(off["navigation"]) < 3.0
+    assert max(off["odometry"]) > max(off["navigation"])
+    assert replay_node(trace, "rover", prepare(Request("rover_waypoints")).config(None)).is_identical
+
+
+@pytest.mark.slow
+def test_script_drives_through_three_gates_and_back(tmp_path: Path) -> None:
+    result = simulate("rover_teleop mujoco 0", tmp_path)
+    assert (result.outcome, result.success) == ("completed", True)
+    assert result.metrics["gates"] == [1, 2, 3, -3, -2, -1]
+    assert result.metrics["hardest_n"] == 0.0
+    trace = read_trace(tmp_path / FILE_NAME)
+    for node in ("rover", "topside"):
+        assert replay_node(trace, node, prepare(Request("rover_teleop")).config(None)).is_identical
+
+
+@pytest.mark.nightly(minutes=20)
+@pytest.mark.parametrize("scenario", ["rover_waypoints", "rover_teleop"])
+def test_rover_succeeds_with_every_seed(scenario: str) -> None:
+    results = [run(seed=seed, scenario=scenario)[0] for seed in range(100)]
+    assert [(one.outcome, one.error, one.notes) for one in results if not one.success] == []

@@ -50,6 +50,8 @@ ELSEWHERE = {
     "dora_people pymunk 1": "robots/test_dora.py",
     "rover_hill mujoco 0": "robots/test_rover.py",
     "rover_hill pymunk 0": "robots/test_rover.py",
+    "rover_teleop mujoco 0": "robots/test_rover.py",
+    "rover_waypoints mujoco 0": "robots/test_rover.py",
 }
 
 

@@ -237,6 +237,16 @@ def test_deadman_switch_passes_sticks_while_the_trigger_is_held_and_buttons_alwa
     assert [switch.read() for _ in range(4)] == [held, pad("arm"), Stale("gone"), GamepadReading([0.0], [True], [])]
 
 
+def test_deadman_button_passes_sticks_while_it_is_held_and_does_nothing_else() -> None:
+    held, pushed = pad("mode_down", "arm", drive=1.0), pad("arm", drive=1.0)
+    switch = DeadmanSwitch(FakeSensor([held, pushed, GamepadReading([1.0], [True], [])]), BUTTONS["mode_down"])
+    assert [switch.read() for _ in range(3)] == [
+        pad("arm", drive=1.0),
+        pad("arm"),
+        GamepadReading([0.0], [True], []),
+    ]
+
+
 def test_legend_names_every_key() -> None:
     words = " ".join(legend("w s ahead, astern  a d turn")).split()
     for key in [*BUTTON_KEYS, *(key for stick in STICKS.values() for key in stick.keys)]:
