@@ -33,6 +33,7 @@ class RoverMotors:
         self._controls, self._torques = data.ctrl, data.actuator_force
         self._gains, self._slopes = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 2]
         self._ranges, self._friction = model.actuator_forcerange, model.dof_frictionloss
+        self._per_motor = 1.0 / vehicle.motor.nm_per_a, vehicle.motor.resistance_ohm, vehicle.motor.v_per_radps
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
         self._full_range = [(-limit_nm, limit_nm)] * len(wheels)
         self.reset(1.0)
@@ -79,8 +80,7 @@ class RoverMotors:
 
     def draw(self, rates: Sequence[float], step_s: float) -> None:
         """Draw from the battery what motors and electronics have taken in a step."""
-        motor = self._motor
-        amperes, ohms, emf = 1.0 / motor.nm_per_a, motor.resistance_ohm, motor.v_per_radps
+        amperes, ohms, emf = self._per_motor
         power_w = 0.0
         for torque, rate in zip(self._torques.tolist(), rates, strict=True):
             current_a = torque * amperes
