@@ -54,7 +54,7 @@ def test_plane_under_a_wheel_is_perpendicular_to_the_way_to_it(x: float, y: floa
     z = HILLS.at(x, y)[0] + 0.13
     plane = LEVEL
     for _ in range(20):
-        plane = HILLS.plane_under((x, y, z), plane)
+        (plane,) = HILLS.planes_under([(x, y, z)], [plane])
     px, py, pz, *normal = plane
     assert pz == HILLS.at(px, py)[0]
     assert math.dist(normal, (0.0, 0.0, 0.0)) == pytest.approx(1.0)

@@ -68,10 +68,12 @@ class HeightMap:
         self.corner_m: tuple[float, float] = (float(corner_m[0]), float(corner_m[1]))
         self.columns: int = columns
         self.rows: int = len(rows)
-        self._values = [float(value) for row in rows for value in row]
+        self._rows = [[float(value) for value in row] for row in rows]
         self._per_m = 1.0 / self.spacing_m
-        # In units of the spacing: from half a cell inside, since each point needs a neighbour on both sides.
-        self._max_u, self._max_v = columns - 1.5 - 1e-9, len(rows) - 1.5 - 1e-9
+        # Rows as triples of neighbours, and in units of the spacing how far the ground goes: from half a cell inside,
+        # since each point needs a neighbour on both sides. One tuple, since `at` runs some times in each step.
+        triples = [list(zip(row, row[1:], row[2:], strict=False)) for row in self._rows]
+        self._grid = (*self.corner_m, self._per_m, columns - 1.5 - 1e-9, len(rows) - 1.5 - 1e-9, triples)
 
     def at(self, x_m: float, y_m: float) -> tuple[float, float, float]:
         """Return the height [m] at a place, and its slopes towards x and y.
@@ -79,51 +81,54 @@ class HeightMap:
         >>> [round(value, 9) for value in ramp((0.1, -0.2), 12.0).at(3.0, 1.0)]
         [0.1, 0.1, -0.2]
         """
-        per_m = self._per_m
-        u, v = (x_m - self.corner_m[0]) * per_m, (y_m - self.corner_m[1]) * per_m
-        is_in_x, is_in_y = 0.5 <= u <= self._max_u, 0.5 <= v <= self._max_v
+        first_x, first_y, per_m, max_u, max_v, triples = self._grid
+        u, v = (x_m - first_x) * per_m, (y_m - first_y) * per_m
+        is_in_x, is_in_y = 0.5 <= u <= max_u, 0.5 <= v <= max_v
         if not is_in_x:
-            u = 0.5 if u < 0.5 else self._max_u
+            u = 0.5 if u < 0.5 else max_u
         if not is_in_y:
-            v = 0.5 if v < 0.5 else self._max_v
+            v = 0.5 if v < 0.5 else max_v
         i, j = int(u + 0.5), int(v + 0.5)
         s, t = u - i, v - j  # -0.5 to 0.5, from the middle control value
-        a, c = 0.5 * (0.5 - s) * (0.5 - s), 0.5 * (0.5 + s) * (0.5 + s)
-        b = 1.0 - a - c
         da, dc = s - 0.5, s + 0.5
+        a, c = 0.5 * da * da, 0.5 * dc * dc
+        b = 1.0 - a - c
         db = -2.0 * s
-        values, columns = self._values, self.columns
-        k = (j - 1) * columns + i
-        p, q, r = values[k - 1], values[k], values[k + 1]
+        i -= 1
+        p, q, r = triples[j - 1][i]
         low, low_x = a * p + b * q + c * r, da * p + db * q + dc * r
-        k += columns
-        p, q, r = values[k - 1], values[k], values[k + 1]
+        p, q, r = triples[j][i]
         mid, mid_x = a * p + b * q + c * r, da * p + db * q + dc * r
-        k += columns
-        p, q, r = values[k - 1], values[k], values[k + 1]
+        p, q, r = triples[j + 1][i]
         high, high_x = a * p + b * q + c * r, da * p + db * q + dc * r
-        a, c = 0.5 * (0.5 - t) * (0.5 - t), 0.5 * (0.5 + t) * (0.5 + t)
+        dt_low, dt_high = t - 0.5, t + 0.5
+        a, c = 0.5 * dt_low * dt_low, 0.5 * dt_high * dt_high
         b = 1.0 - a - c
         slope_x = (a * low_x + b * mid_x + c * high_x) * per_m if is_in_x else 0.0
-        slope_y = ((t - 0.5) * low - 2.0 * t * mid + (t + 0.5) * high) * per_m if is_in_y else 0.0
+        slope_y = (dt_low * low - 2.0 * t * mid + dt_high * high) * per_m if is_in_y else 0.0
         return a * low + b * mid + c * high, slope_x, slope_y
 
-    def plane_under(self, place_m: Sequence[float], last: Plane = LEVEL) -> Plane:
-        """Return the plane that touches the ground where it is nearest to a place above it.
+    def planes_under(self, places_m: Sequence[Sequence[float]], last: Sequence[Plane]) -> list[Plane]:
+        """Return the planes that touch the ground where it is nearest to places above it.
 
         Args:
-            place_m: such as a wheel's centre.
-            last: the plane that was found for it a moment ago; from any other the result is near the nearest point.
+            places_m: such as wheels' centres.
+            last: the plane that was found for each a moment ago; from any other the result is near the nearest point,
+                and from `LEVEL` it is the point below.
         """
-        (x, y, z), (px, py, pz, nx, ny, nz) = place_m, last
-        above_m = (x - px) * nx + (y - py) * ny + (z - pz) * nz
-        return self.plane_at(x - above_m * nx, y - above_m * ny)
+        at, sqrt, planes = self.at, math.sqrt, []
+        for (x, y, z), (px, py, pz, nx, ny, nz) in zip(places_m, last, strict=True):
+            above_m = (x - px) * nx + (y - py) * ny + (z - pz) * nz
+            x_m, y_m = x - above_m * nx, y - above_m * ny
+            height, slope_x, slope_y = at(x_m, y_m)
+            up = 1.0 / sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+            planes.append((x_m, y_m, height, -slope_x * up, -slope_y * up, up))
+        return planes
 
     def plane_at(self, x_m: float, y_m: float) -> Plane:
         """Return the plane that touches the ground at a place."""
-        height, slope_x, slope_y = self.at(x_m, y_m)
-        up = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
-        return x_m, y_m, height, -slope_x * up, -slope_y * up, up
+        (plane,) = self.planes_under([(x_m, y_m, 0.0)], [LEVEL])
+        return plane
 
     def min_radius_m(self) -> float:
         """Return the least radius of curvature of a hollow along x or y [m]; infinity where there is none.
@@ -150,7 +155,7 @@ class HeightMap:
         """Return the control values [m], shape (rows, columns)."""
         import numpy as np
 
-        return np.array(self._values).reshape(self.rows, self.columns)
+        return np.array(self._rows)
 
 
 def flat(size_m: float = 100.0) -> HeightMap:

@@ -119,6 +119,7 @@ class Rover:
         self._world = world = MujocoWorld(rover_mjcf(vehicle, obstacles), step_s, ("chassis",), "the rover's MJCF")
         self.engine: str = world.engine
         self._model, self._data, mujoco = world.model, world.data, world.mujoco
+        self._velocities = self._data.qvel
         self._step_world, self._kinematics = mujoco.mj_step, mujoco.mj_kinematics
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self._size = int(mujoco.mj_stateSize(self._model, self._kind))
@@ -215,7 +216,7 @@ class Rover:
         model, data, contacts = self._model, self._data, self.contacts
         self._kinematics(model, data)
         contacts.before_step(self.steps)
-        velocities = data.qvel.tolist()
+        velocities = self._velocities.tolist()
         total = sum(velocities)  # decides no run: only whether it is finite
         if total - total != 0.0:
             self._world.check_finite()

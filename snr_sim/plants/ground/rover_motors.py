@@ -72,6 +72,7 @@ class RoverMotors:
 
     def __init__(self, vehicle: RoverVehicle, axles: Axles) -> None:
         self._vehicle, self._motor, self._axles, self._count = vehicle, vehicle.motor, axles, len(vehicle.motor_wheels)
+        self._per_motor = 1.0 / vehicle.motor.nm_per_a, vehicle.motor.resistance_ohm, vehicle.motor.v_per_radps
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
         self._full_range = [(-limit_nm, limit_nm)] * self._count
         self.reset(1.0)
@@ -133,8 +134,7 @@ class RoverMotors:
 
     def draw(self, rates: Sequence[float], step_s: float) -> None:
         """Draw from the battery what motors and electronics have taken in a step."""
-        motor = self._motor
-        amperes, ohms, emf = 1.0 / motor.nm_per_a, motor.resistance_ohm, motor.v_per_radps
+        amperes, ohms, emf = self._per_motor
         power_w = 0.0
         for torque, rate in zip(self._axles.torques_nm(), rates, strict=True):
             current_a = torque * amperes
