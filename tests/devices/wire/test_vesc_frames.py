@@ -10,20 +10,10 @@ from hypothesis import strategies as st
 
 from snr_sim.devices.wire.vesc_frames import MAX_PAYLOAD, VescFrames, encode
 from snr_sim.prelude.errors import CommandError
-from tests.devices.wire.wire_streams import BYTES_PER_S, fuzz, junk_between, random_junk, read_in_chunks
+from tests.devices.wire.wire_streams import BYTES_PER_S, crc_by_bits, fuzz, junk_between, random_junk, read_in_chunks
 
 PAYLOAD = st.binary(min_size=1, max_size=300)
 GAP_S = 0.02
-
-
-def crc_by_bits(data: bytes) -> int:
-    """Return the CRC-16/XMODEM, by the polynomial x^16 + x^12 + x^5 + 1 and nothing of a library."""
-    crc = 0
-    for byte in data:
-        for bit in range(7, -1, -1):
-            crc = crc << 1 ^ (0x1021 if (crc >> 15 ^ byte >> bit) & 1 else 0) & 0xFFFF
-            crc &= 0xFFFF
-    return crc
 
 
 def junk(chance: random.Random) -> bytes:

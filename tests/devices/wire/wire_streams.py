@@ -7,6 +7,15 @@ from typing import Any
 BYTES_PER_S = 11_520.0  # of 115 200 baud
 
 
+def crc_by_bits(data: bytes) -> int:
+    """Return the CRC-16/XMODEM, by the polynomial x^16 + x^12 + x^5 + 1 and nothing of a library."""
+    crc = 0
+    for byte in data:
+        for bit in range(7, -1, -1):
+            crc = (crc << 1 ^ (0x1021 if (crc >> 15 ^ byte >> bit) & 1 else 0)) & 0xFFFF
+    return crc
+
+
 def junk_between(frames: Sequence[bytes], chance: random.Random, make_junk: Callable[[random.Random], bytes]) -> bytes:
     """Return one stream of all frames, with junk before each of them."""
     return b"".join(make_junk(chance) + frame for frame in frames)
