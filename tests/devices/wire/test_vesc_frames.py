@@ -111,8 +111,8 @@ def test_vesc_frames_called_seldom_read_a_frame_in_two_pieces() -> None:
     frame = encode(b"slow reader")
     for cut in range(1, len(frame)):
         frames = VescFrames(gap_s=GAP_S)
-        assert frames.feed(frame[:cut], 0.0) == []
-        assert frames.feed(frame[cut:], 10.0 * GAP_S) == [b"slow reader"]
+        assert frames.feed(frame[:cut], 5.0) == []  # after a pause
+        assert frames.feed(frame[cut:], 5.0 + 10.0 * GAP_S) == [b"slow reader"]
 
 
 @pytest.mark.parametrize("claim", ["03 04 01", "03 00 ff", "02 00 00", "03 ff ff"])
