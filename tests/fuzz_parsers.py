@@ -33,8 +33,17 @@ from snr_sim.cli.trace import trace as snr_trace
 from snr_sim.console.commands import TABLE
 from snr_sim.console.parsing import parse as parse_command
 from snr_sim.console.wire import decode_request, decode_response
-from snr_sim.devices.wire import lease_messages, mcu_frames, mcu_messages
+from snr_sim.devices.wire import (
+    json_frames,
+    lease_messages,
+    mcu_frames,
+    mcu_messages,
+    sbp_frames,
+    vesc_frames,
+    vesc_messages,
+)
 from snr_sim.devices.wire.nmea import NmeaLines, checksum
+from snr_sim.devices.wire.sbp_messages import decode as decode_sbp
 from snr_sim.grading.lab.verdicts import SubmissionError
 from snr_sim.grading.remote import protocol
 from snr_sim.learning.discretiser import Discretiser
@@ -184,6 +193,22 @@ def _nmea(data: bytes) -> object:
     return [reader.feed(data[i : i + 100]) for i in range(0, len(data), 100)]
 
 
+def _vesc(data: bytes) -> object:
+    reader, codec = vesc_frames.VescFrames(), vesc_messages.VescCodec("seed", 228.0)
+    pieces = (data[i : i + 100] for i in range(0, len(data), 100))
+    return [codec.decode(one) for i, piece in enumerate(pieces) for one in reader.feed(piece, i * 0.01)]
+
+
+def _sbp(data: bytes) -> object:
+    reader = sbp_frames.SbpFrames()
+    pieces = (data[i : i + 100] for i in range(0, len(data), 100))
+    return [decode_sbp(one) for i, piece in enumerate(pieces) for one in reader.feed(piece, i * 0.01)]
+
+
+def _json_devices(data: bytes) -> object:
+    return json_frames.JsonFrames().feed(data, 0.0), json_frames.JsonLines().feed(data)
+
+
 def _sentence(body: bytes) -> bytes:
     return b"$%s*%02X\r\n" % (body, checksum(body))
 
@@ -316,6 +341,11 @@ def parsers(traces: dict[str, bytes]) -> dict[str, Parser]:
         b"GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,",
         b"GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W",
     ]
+    codec = vesc_messages.VescCodec("seed", 228.0)
+    values = vesc_messages.MotorValues(1.0, 0.5, 0.2, 3.0, 24.0, 9.0, 40.0, "none")
+    vesc = [values, vesc_messages.Firmware(2, 18, "60", bytes(12)), vesc_messages.Subscription("wheelLF")]
+    sbp = [sbp_frames.SbpFrame(kind, bytes(size)) for kind, size in ((0x020A, 34), (0x020E, 22), (0x0208, 15))]
+    lamp = {"lamp": 70, "list": [1.5, {"on": True}]}
     web: list[Any] = [
         {"kind": "edit", "number": 7, "text": "(machine dora ...", "base_sha256": "9" * 64},
         {"kind": "set", "path": "dora.side", "value": 1},
@@ -347,6 +377,9 @@ def parsers(traces: dict[str, bytes]) -> dict[str, Parser]:
         "mcu_bodies": Parser(_mcu_bodies, [b"\xfe\xfe".join(bodies)]),
         "nmea": Parser(_nmea, [b"".join(map(_sentence, nmea))]),
         "nmea_fields": Parser(_nmea_fields, [b"\n".join(nmea)]),
+        "vesc": Parser(_vesc, [b"".join(vesc_frames.encode(codec.encode(one)) for one in vesc)]),
+        "sbp": Parser(_sbp, [b"".join(map(sbp_frames.encode, sbp))]),
+        "json_devices": Parser(_json_devices, [json_frames.encode_frame(lamp) * 3, json_frames.encode_line(lamp) * 3]),
         "maestro": Parser(_maestro, [b"\0\0\0\0" + b"\x70\x2e" * 10 + b"\x20\0" + b"\x70\x17" * 8], weight=0.3),
         "web": Parser(decode_from_page, [msgspec.json.encode(one) for one in web], json_errors),
         "answer": Parser(

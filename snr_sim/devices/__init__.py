@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from snr_sim.devices.sensors.lidar import Lidar as Lidar
     from snr_sim.devices.sensors.ms5837 import Ms5837 as Ms5837
     from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c as Ms5837I2c
+    from snr_sim.devices.sensors.piksi import Piksi as Piksi
     from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS as POSITION_FIX_ERRORS
     from snr_sim.devices.sensors.position_fix import PositionFix as PositionFix
     from snr_sim.devices.sensors.position_fix import position_fix_of as position_fix_of

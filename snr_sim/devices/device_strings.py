@@ -7,6 +7,7 @@
     ms5837:1:0x76                                sensors
     icm20948:1:0x69        icm20948:1:0x69,axes=y/-x/z
     gps:/dev/ttyS0         gps:/dev/ttyS0,baud=38400
+    piksi:/dev/ttyUSB1     piksi:/dev/ttyUSB1,baud=1000000
 
 Outputs that hold their last pulse when a program ends are opened behind the supervisor. `configure` opens the wires.
 """
@@ -31,8 +32,10 @@ from snr_sim.devices.sensors.gps import BAUD as GPS_BAUD
 from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.sensors.icm20948 import Icm20948, is_right_handed
 from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
+from snr_sim.devices.sensors.piksi import Piksi
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
+from snr_sim.devices.wire.sbp_messages import BAUD as PIKSI_BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.device import Sensor
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
@@ -64,6 +67,9 @@ SETTINGS: dict[str, dict[str, Setting]] = {
         "axes": Setting(lambda text: text.split("/"), "three axes such as y/-x/z, right-handed", is_right_handed)
     },
     "gps": {"baud": Setting(int, "a whole number, 1200 to 921600, mostly 9600", lambda baud: 1200 <= baud <= 921600)},
+    "piksi": {
+        "baud": Setting(int, "a whole number, 9600 to 1000000, mostly 115200", lambda baud: 9600 <= baud <= 1000000)
+    },
 }
 OUTPUTS = ("mcu", "maestro", *SUPERVISED)
 _EXAMPLES = {
@@ -73,6 +79,7 @@ _EXAMPLES = {
     "ms5837": "ms5837:1:0x76",
     "icm20948": "icm20948:1:0x69",
     "gps": "gps:/dev/ttyS0",
+    "piksi": "piksi:/dev/ttyUSB1",
 }
 SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
 
@@ -123,6 +130,8 @@ def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sen
     kind, where, settings = split(text, SENSORS)
     if kind == "gps":
         return Gps(lambda: SerialPort(where, settings.get("baud", GPS_BAUD)), now_s)
+    if kind == "piksi":
+        return Piksi(lambda: SerialPort(where, settings.get("baud", PIKSI_BAUD)), now_s)
     bus, address = bus_and_address(where)
     if kind == "ms5837":
         return Ms5837I2c(lambda: I2cBus(bus), now_s, about, address)

@@ -15,6 +15,7 @@ from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.sensors.icm20948 import Icm20948
 from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
+from snr_sim.devices.sensors.piksi import Piksi
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError, SnrError, UnknownNameError
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
@@ -53,6 +54,8 @@ def test_open_pwm_opens_each_kind_with_independent_failsafe(text: str, kind: typ
         ("icm20948:1:0x69", Icm20948),
         ("icm20948:3:0x68,axes=y/-x/z", Icm20948),
         ("gps:/dev/ttyS0,baud=38400", Gps),
+        ("piksi:/dev/ttyUSB1", Piksi),
+        ("piksi:/dev/ttyUSB1,baud=1000000", Piksi),
     ],
 )
 def test_open_sensor_opens_each_kind(text: str, kind: type) -> None:
@@ -108,6 +111,7 @@ def test_open_pwm_invalid_text_raises_error_with_example(text: str, message: str
             for one in ("", "x", "x/y", "x/y/w", "y/x/z", "x/x/x", "--x/y/z")
         ],
         ("gps:/dev/ttyS0,boud=9600", "did you mean 'baud'"),
+        ("piksi:", "'piksi:' does not say where.\n  Try: such as piksi:/dev/ttyUSB1."),
         ("ms5837:1:0x76,baud=9600", "ms5837 has no setting 'baud'"),
     ],
 )

@@ -4,13 +4,11 @@ import math
 
 import pytest
 
-from snr_sim.devices.device_loop import start_device
 from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.wire.nmea import checksum
-from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import GpsReading
 from snr_sim.testing.contracts import check_sensor
+from tests.devices.benches import SerialReceiver, stale
 
 GGA = "GPGGA,{time},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,"
 RMC = "GPRMC,{time},A,4807.038,N,01131.000,E,010.0,090.0,230394,003.1,W"
@@ -21,62 +19,18 @@ def line(body: str, time: str = "123519") -> bytes:
     return f"${body}*{checksum(body.encode()):02X}\r\n".encode()
 
 
-class Receiver:
-    """The far end of the cable."""
-
-    name = "/dev/ttyS0"
-
-    def __init__(self) -> None:
-        self.pending = b""
-        self.is_plugged = True
-        self.time_s = 0.0
-
-    def open(self) -> "Receiver":
-        self._check()
-        return self
-
-    def gps(self) -> Gps:
-        return Gps(self.open, lambda: self.time_s)
-
-    def started(self) -> Gps:
-        return start_device(self.gps(), "the receiver")
-
-    def write(self, data: bytes) -> None:
-        self._check()
-
-    def read(self) -> bytes:
-        self._check()
-        sent, self.pending = self.pending, b""
-        return sent
-
-    def wait(self, seconds: float) -> bool:
-        return bool(self.pending)
-
-    def close(self) -> None:
-        pass
-
-    def _check(self) -> None:
-        if not self.is_plugged:
-            raise DeviceError("/dev/ttyS0 is gone: [Errno 5] Input/output error.", fix="is the cable in?")
-
-
-def stale(reading: object) -> str:
-    assert isinstance(reading, Stale), reading
-    return reading.reason
-
-
 def test_gps_passes_sensor_contract() -> None:
     def opened() -> Gps:
-        receiver = Receiver()
+        receiver = SerialReceiver()
         receiver.pending = line(GGA)
-        return receiver.gps()
+        return Gps(receiver.open, receiver.now_s)
 
     check_sensor(opened)
 
 
 def test_gps_joins_position_and_course_of_same_time() -> None:
-    receiver = Receiver()
-    gps = receiver.started()
+    receiver = SerialReceiver()
+    gps = receiver.started(Gps)
     receiver.pending = line(RMC) + line(GGA)
     reading = gps.read()
     assert isinstance(reading, GpsReading)
@@ -91,8 +45,8 @@ def test_gps_joins_position_and_course_of_same_time() -> None:
 
 
 def test_gps_course_north_equals_yaw_of_quarter_turn() -> None:
-    receiver = Receiver()
-    gps = receiver.started()
+    receiver = SerialReceiver()
+    gps = receiver.started(Gps)
     receiver.pending = line(RMC.replace("090.0", "000.0")) + line(GGA)
     reading = gps.read()
     assert isinstance(reading, GpsReading)
@@ -100,8 +54,8 @@ def test_gps_course_north_equals_yaw_of_quarter_turn() -> None:
 
 
 def test_gps_stale_reason_names_the_cause() -> None:
-    receiver = Receiver()
-    gps = receiver.started()
+    receiver = SerialReceiver()
+    gps = receiver.started(Gps)
     assert "/dev/ttyS0 sends nothing: 0 bytes. Is its TX at our RX" in stale(gps.read())
     receiver.pending = b"\x00\xe6\x98\xf8" * 8
     reason = stale(gps.read())
@@ -117,8 +71,8 @@ def test_gps_stale_reason_names_the_cause() -> None:
 
 
 def test_gps_pulled_cable_is_stale_and_recovers() -> None:
-    receiver = Receiver()
-    gps = receiver.started()
+    receiver = SerialReceiver()
+    gps = receiver.started(Gps)
     receiver.pending = line(GGA)
     gps.read()
     receiver.is_plugged = False

@@ -1,4 +1,4 @@
-"""Emulated microcontrollers in simavr, running the firmware that is flashed into real ones.
+"""Emulated microcontrollers in simavr, running the firmware that is flashed into real ones; devices in Python.
 
 simavr is under the GPL, so nothing compiled with it ships. `board.c` ships as source and is compiled on the machine
 that uses it, when it is first used, with the packages of Debian that `toolchain.py` names.

@@ -16,6 +16,8 @@ from operator import xor
 
 import msgspec
 
+from snr_sim.devices.wire.line_splitter import LineSplitter
+
 MAX_DIGITS = 4  # of a count
 MAX_BYTES = 120  # of a line: 82 by the standard, and some receivers send more
 KNOTS_TO_MPS = 1852.0 / 3600.0
@@ -58,8 +60,7 @@ class NmeaLines:
         self.sentences: int = 0
         self.checksum_errors: int = 0
         self.garbage: int = 0
-        self._rest = b""
-        self._is_skipping = False  # inside a line that is too long
+        self._lines = LineSplitter(MAX_BYTES)
 
     def feed(self, data: bytes) -> list[FixSentence | CourseSentence]:
         """Add received bytes; return the complete sentences of decoded types.
@@ -69,17 +70,11 @@ class NmeaLines:
         1
         """
         found: list[FixSentence | CourseSentence] = []
-        *lines, rest = data.split(b"\n")
-        for line in lines:
-            whole, self._rest = self._rest + line, b""
-            if self._is_skipping or len(whole) > MAX_BYTES:
+        for line in self._lines.feed(data):
+            if line is None:
                 self.garbage += 1
-                self._is_skipping = False
-            elif (sentence := self._sentence(whole.strip())) is not None:
+            elif (sentence := self._sentence(line)) is not None:
                 found.append(sentence)
-        self._rest += rest
-        if len(self._rest) > MAX_BYTES:
-            self._rest, self._is_skipping = b"", True
         return found
 
     def _sentence(self, line: bytes) -> FixSentence | CourseSentence | None:

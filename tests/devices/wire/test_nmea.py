@@ -105,7 +105,7 @@ def test_nmea_endless_line_is_dropped() -> None:
     lines = NmeaLines()
     for _ in range(1000):
         lines.feed(b"x" * 1000)
-        assert len(lines._rest) <= MAX_BYTES
+        assert len(lines._lines._rest) <= MAX_BYTES
     assert len(lines.feed(b"\n" + line(GGA))) == 1
     assert lines.garbage == 1
 
