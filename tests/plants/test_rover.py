@@ -130,6 +130,15 @@ def test_soil_changes_where_its_map_says(body: type[Rover]) -> None:
 
 
 @pytest.mark.parametrize("body", BODIES)
+def test_resistance_of_sand_ends_where_the_sand_ends(body: type[Rover]) -> None:
+    slow = DriveCommand("speed", [4.0] * 6)
+    out_of_sand = made(flat(), soil=lambda x_m, y_m: DRY_SAND if x_m < 0.7 else Coulomb(0.8), body=body)
+    found = [go(rover, 6.0, slow).read("power").current_a for rover in (out_of_sand, made(flat(), body=body))]
+    assert out_of_sand.read("pose").position_m[0] > 1.2, "all wheels are on firm ground"
+    assert found[0] == pytest.approx(found[1], rel=0.001)
+
+
+@pytest.mark.parametrize("body", BODIES)
 def test_caster_slides_without_friction(body: type[Rover]) -> None:
     wheels = (
         *(replace(wheel, hangs_on="chassis") for wheel in VEHICLE.wheels if wheel.name in ("LM", "RM")),

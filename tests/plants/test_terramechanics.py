@@ -33,7 +33,7 @@ def test_resistance_is_the_work_of_pressing_the_rut(soil: Bekker) -> None:
     steps = 100_000
     depths = ((i + 0.5) * sinkage_m / steps for i in range(steps))
     work = sum(WIDTH_M * (soil.kc / WIDTH_M + soil.kphi) * depth**soil.n for depth in depths) * sinkage_m / steps
-    assert soil.resistance_n(LOAD_N, RADIUS_M, WIDTH_M) == pytest.approx(work, rel=1e-6)
+    assert soil.forces_at(0.0, LOAD_N, RADIUS_M, WIDTH_M)[1] == pytest.approx(work, rel=1e-6)
 
 
 @both
@@ -43,23 +43,23 @@ def test_traction_is_the_mean_shear_stress_along_the_contact(soil: Bekker) -> No
     sheared = ((i + 0.5) / steps * length_m * slip for i in range(steps))
     share = sum(1.0 - math.exp(-one / soil.shear_m) for one in sheared) / steps
     strength_n = WIDTH_M * length_m * soil.cohesion_pa + LOAD_N * math.tan(soil.phi_rad)
-    assert soil.friction_at(slip, LOAD_N, RADIUS_M, WIDTH_M) * LOAD_N == pytest.approx(share * strength_n, rel=1e-6)
+    assert soil.forces_at(slip, LOAD_N, RADIUS_M, WIDTH_M)[0] * LOAD_N == pytest.approx(share * strength_n, rel=1e-6)
 
 
 @both
 def test_traction_grows_with_slip_from_zero(soil: Bekker) -> None:
-    found = [soil.friction_at(0.01 * i, LOAD_N, RADIUS_M, WIDTH_M) for i in range(101)]
+    found = [soil.forces_at(0.01 * i, LOAD_N, RADIUS_M, WIDTH_M)[0] for i in range(101)]
     assert found[0] == 0.0
     assert all(a < b for a, b in pairwise(found))
-    tiny = [soil.friction_at(slip, LOAD_N, RADIUS_M, WIDTH_M) / slip for slip in (1e-7, 1e-5, 1e-3)]
+    tiny = [soil.forces_at(slip, LOAD_N, RADIUS_M, WIDTH_M)[0] / slip for slip in (1e-7, 1e-5, 1e-3)]
     assert tiny == pytest.approx([tiny[0]] * 3, rel=1e-2), "series and formula agree where they meet"
 
 
 def test_wheel_without_load_feels_nothing() -> None:
     for soil in (DRY_SAND, Coulomb(0.8)):
-        assert soil.sinkage_m(0.0, RADIUS_M, WIDTH_M) == soil.resistance_n(0.0, RADIUS_M, WIDTH_M) == 0.0
-    assert DRY_SAND.friction_at(0.5, 0.0, RADIUS_M, WIDTH_M) == 0.0
-    assert Coulomb(0.5).friction_at(0.0, LOAD_N, RADIUS_M, WIDTH_M) == 0.5
+        assert soil.sinkage_m(0.0, RADIUS_M, WIDTH_M) == soil.forces_at(0.0, 0.0, RADIUS_M, WIDTH_M)[1] == 0.0
+    assert DRY_SAND.forces_at(0.5, 0.0, RADIUS_M, WIDTH_M)[0] == 0.0
+    assert Coulomb(0.5).forces_at(0.0, LOAD_N, RADIUS_M, WIDTH_M)[0] == 0.5
 
 
 @pytest.mark.parametrize(

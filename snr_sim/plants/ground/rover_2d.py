@@ -213,9 +213,8 @@ class Rover2D:
             along = ahead - turn * (wheel.position_m[1] - center_y)
             across = left + turn * (wheel.position_m[0] - center_x)
             slip = slip_of(rate * rolling_m, along, across)
-            friction = soil.friction_at(slip, load_n, wheel.radius_m, wheel.width_m)
+            friction, back_n = soil.forces_at(slip, load_n, wheel.radius_m, wheel.width_m)
             grips.append(wheel.friction_scale * friction * load_n)
-            back_n = soil.resistance_n(load_n, wheel.radius_m, wheel.width_m)
             drags.append(back_n / math.sqrt(along * along + across * across + CREEP_MPS * CREEP_MPS))
         return grips, drags
 

@@ -37,13 +37,9 @@ class Coulomb(Record, who="The ground's "):
 
     friction: Annotated[float, LIMITS["grip"]] = 0.8
 
-    def friction_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> float:
-        """Return the coefficient: it is the same at every slip and load."""
-        return self.friction
-
-    def resistance_n(self, load_n: float, radius_m: float, width_m: float) -> float:
-        """Return 0: firm ground is not compacted."""
-        return 0.0
+    def forces_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> tuple[float, float]:
+        """Return the coefficient, which is the same at every slip and load, and no resistance."""
+        return self.friction, 0.0
 
     def sinkage_m(self, load_n: float, radius_m: float, width_m: float) -> float:
         """Return 0."""
@@ -78,13 +74,8 @@ class Bekker(Record, who="The soil's "):
         stiffness = (3.0 - self.n) * (self.kc + width_m * self.kphi) * math.sqrt(2.0 * radius_m)
         return min(radius_m, float((3.0 * load_n / stiffness) ** (2.0 / (2.0 * self.n + 1.0))))
 
-    def resistance_n(self, load_n: float, radius_m: float, width_m: float) -> float:
-        """Return the force that it takes to press the rut [N]."""
-        sinkage_m = self.sinkage_m(load_n, radius_m, width_m)
-        return float((self.kc + width_m * self.kphi) * sinkage_m ** (self.n + 1.0) / (self.n + 1.0))
-
-    def friction_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> float:
-        """Return traction over load at a slip.
+    def forces_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> tuple[float, float]:
+        """Return traction over load at a slip, and the force that it takes to press the rut [N].
 
         Args:
             slip: 0 rolls, 1 turns on the spot or is dragged with a locked wheel.
@@ -92,13 +83,15 @@ class Bekker(Record, who="The soil's "):
             radius_m, width_m: of it.
         """
         if load_n <= 0.0:
-            return 0.0
-        length_m = math.sqrt(2.0 * radius_m * self.sinkage_m(load_n, radius_m, width_m))
+            return 0.0, 0.0
+        sinkage_m = self.sinkage_m(load_n, radius_m, width_m)
+        resistance_n = float((self.kc + width_m * self.kphi) * sinkage_m ** (self.n + 1.0) / (self.n + 1.0))
+        length_m = math.sqrt(2.0 * radius_m * sinkage_m)
         strength = width_m * length_m * self.cohesion_pa / load_n + math.tan(self.phi_rad)
         sheared = slip * length_m / self.shear_m
         if sheared < 1e-6:
-            return strength * 0.5 * sheared  # the first term of the series
-        return strength * (1.0 - (1.0 - math.exp(-sheared)) / sheared)
+            return strength * 0.5 * sheared, resistance_n  # the first term of the series
+        return strength * (1.0 - (1.0 - math.exp(-sheared)) / sheared), resistance_n
 
 
 Ground: TypeAlias = Coulomb | Bekker

@@ -65,7 +65,7 @@ class WheelContacts:
             self.lay_planes()
         self._forces[self._bodies] = 0.0
         self._look_up_soil()
-        self._set_friction([self._friction(i, 0.0, 0.0) for i in range(self._count)])
+        self._set_friction([self._soil_forces(i, 0.0, 0.0)[0] for i in range(self._count)])
         self._lay_belly()
 
     def lay_planes(self) -> None:
@@ -110,12 +110,14 @@ class WheelContacts:
             return
         self._is_firm = all(isinstance(soil, Coulomb) for soil in soils)
         if self._is_firm:
-            self._set_friction([self._friction(i, 0.0, 0.0) for i in range(self._count)])
+            self._forces[self._bodies] = 0.0
+            self._set_friction([self._soil_forces(i, 0.0, 0.0)[0] for i in range(self._count)])
 
-    def _friction(self, i: int, slip: float, load_n: float) -> float:
-        """Return the friction coefficient of a wheel."""
+    def _soil_forces(self, i: int, slip: float, load_n: float) -> tuple[float, float]:
+        """Return the friction coefficient of a wheel, and the resistance of its soil [N]."""
         wheel = self._vehicle.wheels[i]
-        return wheel.friction_scale * self._soils[i].friction_at(slip, load_n, wheel.radius_m, wheel.width_m)
+        friction, resistance_n = self._soils[i].forces_at(slip, load_n, wheel.radius_m, wheel.width_m)
+        return wheel.friction_scale * friction, resistance_n
 
     def _set_friction(self, values: list[float]) -> None:
         self._frictions = values
@@ -128,16 +130,16 @@ class WheelContacts:
         wheels, loads = self._vehicle.wheels, self.read_loads()
         centers = self._data.xpos[self._bodies].tolist()
         moving = zip(centers, self._velocities.tolist(), self._axles.tolist(), rates, strict=True)
-        for wheel, soil, load, plane, ((x, y, z), (vx, vy, vz), (ax, ay, az), rate) in zip(
-            wheels, self._soils, loads, self.planes, moving, strict=True
+        for wheel, load, plane, ((x, y, z), (vx, vy, vz), (ax, ay, az), rate) in zip(
+            wheels, loads, self.planes, moving, strict=True
         ):
             px, py, pz, nx, ny, nz = plane
             above_m = (x - px) * nx + (y - py) * ny + (z - pz) * nz
             fx, fy, fz = ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx  # ahead, along the ground
             forward, across = vx * fx + vy * fy + vz * fz, vx * ax + vy * ay + vz * az
             slip = slip_of(rate * 0.5 * (wheel.radius_m + above_m), forward, across)
-            frictions.append(self._friction(len(frictions), slip, load))
-            back_n = soil.resistance_n(load, wheel.radius_m, wheel.width_m)
+            friction, back_n = self._soil_forces(len(frictions), slip, load)
+            frictions.append(friction)
             back_n /= math.sqrt(forward * forward + across * across + CREEP_MPS * CREEP_MPS)
             up = vx * nx + vy * ny + vz * nz
             resistances.append(
