@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_rover.evaluation import BODIES, Sample, Tracked, way_m
+from snr_sim_robot_rover.evaluation import BODIES, Mark, Sample, Tracked, way_m
 from snr_sim_robot_rover.parameters import RoverParameters, vehicle
 
 from snr_sim.plants import Coulomb, HeightMap, RoverStart, make_hills
@@ -66,7 +66,9 @@ def parameters(seed: int) -> RoverParameters:
 
 def plant(seed: int, engine: str) -> Tracked:
     """Return the rover at its start."""
-    return BODIES[engine](vehicle(), ground(seed), start, GRAVEL, seed=seed)
+    rover = BODIES[engine](vehicle(), ground(seed), start, GRAVEL, seed=seed)
+    rover.marks = [Mark(x, y, WITHIN_M) for x, y in points(seed)]
+    return rover
 
 
 def nearest_m(course: Sequence[Sample], seed: int) -> list[float]:

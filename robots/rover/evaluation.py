@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,6 +13,7 @@ Body = Rover if TYPE_CHECKING else object
 
 SAMPLE_S = 0.1
 TIPPED_RAD = math.radians(60.0)
+RING_SIDES, RING_M, RING_UP_M, RING_RGB = 24, 0.05, 0.3, [235, 196, 80]
 
 
 class Sample(NamedTuple):
@@ -23,10 +25,31 @@ class Sample(NamedTuple):
     tilt_rad: float  # of the chassis, from upright
 
 
+class Mark(NamedTuple):
+    """A place to reach, and how near."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
 class Tracked(Body):
     """A rover whose course is recorded ten times a second; which rover is the other base of a subclass."""
 
     course: list[Sample]
+    marks: Sequence[Mark] = ()  # shown on the ground
+
+    def scene(self) -> dict[str, Any]:
+        """Return the rover's scene with the marks."""
+        scene = super().scene()
+        scene["statics"].update((f"mark_{i + 1}", self._ring(mark)) for i, mark in enumerate(self.marks))
+        return scene
+
+    def _ring(self, mark: Mark) -> dict[str, Any]:
+        around = [2.0 * math.pi * i / RING_SIDES for i in range(RING_SIDES + 1)]
+        places = [(mark.x_m + mark.radius_m * math.cos(a), mark.y_m + mark.radius_m * math.sin(a)) for a in around]
+        points = [[x, y, self.ground.at(x, y)[0] + RING_UP_M] for x, y in places]
+        return {"kind": "polyline", "points_m": points, "radius_m": RING_M, "rgb": RING_RGB}
 
     def reset(self, seed: int) -> None:
         """Reset, with an empty course."""

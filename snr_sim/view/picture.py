@@ -1,7 +1,7 @@
 """Summary picture of a run: the body at several moments of its path over the ground, with plots on the right.
 
 Bodies are drawn from the south, in the x-z plane. A body that only rises and falls is spread out along time; one
-under water is also drawn from above, and one on a floor from above alone.
+under water is also drawn from above, and one that drives about from above alone.
 All data come from the header's scene and the true states of the trace, so this works for any plant.
 
     picture_tracks.py    data to draw           run_events.py           events, as text
@@ -28,7 +28,7 @@ from snr_sim.view.picture_layout import HEIGHT, PLOTS, SCENE, WIDTH
 from snr_sim.view.picture_plots import Plot, draw_plots
 from snr_sim.view.picture_scene import draw_scene
 from snr_sim.view.picture_sheet import INK, PALE, Rgb, Sheet, picture
-from snr_sim.view.picture_tracks import BodyTracks, body_tracks_of, is_in_water, is_on_floor, is_planar
+from snr_sim.view.picture_tracks import BodyTracks, body_tracks_of, is_drive, is_in_water, is_planar
 from snr_sim.view.run_events import find_run_events
 from snr_sim.view.view_blueprint import PlotLine, name_and_unit, plots
 
@@ -78,7 +78,7 @@ def draw_run(
             times_s = [event.time_s for event in events]
             draw_plots(sheet, PLOTS, dive_plots(tracks, batch, is_planar(header)), times_s, are_numbered=True)
             subtitle = outcome_reason or _format_metrics(metrics or {})
-        elif is_on_floor(header):
+        elif is_drive(header, next(iter(tracks.poses.values()))):
             draw_drive(sheet, header, tracks)
             draw_plots(sheet, PLOTS, _plots(batch), [])
             subtitle = outcome_reason or _format_metrics(metrics or {})

@@ -1,4 +1,4 @@
-"""Drawing of a drive on a floor, from above: north is up. The vehicle at several moments of its path.
+"""Drawing of a drive, from above: north is up. The vehicle at several moments of its path, with what moves with it.
 
 Everything else is drawn as it is at the end. What is upright has no area from above: its edges are drawn.
 """
@@ -24,14 +24,18 @@ AT_ORIGIN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def draw_drive(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
-    """Draw floor, walls and bodies, and the path of the first body."""
+    """Draw floor or ground, what stands on it, and the path of the first body."""
     tracks = seen_from_above(tracks)
     main = next(iter(tracks.poses))
     bodies = header.scene["bodies"]
-    statics = [shape_from_above(one) for one in header.scene.get("statics", {}).values()]
+    shapes = {name: shape_from_above(one) for name, one in header.scene.get("statics", {}).items()}
+    statics = list(shapes.values())
     path = tracks.poses[main][:, :3]
-    seen = np.concatenate([path, *(points_of(shape) for shape in statics)])
     size_m = float(np.ptp(np.concatenate([points_of(shape) for shape in bodies[main]])[:, :2], axis=0).max())
+    room_m = np.array([size_m, 0.0, size_m])
+    seen = np.concatenate(
+        [path - room_m, path + room_m, *(points_of(shape) for name, shape in shapes.items() if name != "ground")]
+    )
     projection = SheetProjection(seen[:, 0], seen[:, 2], size_m, False)
     projection.fit(seen[:, 0], seen[:, 2])
     track_view = TrackView(projection, path[:, 0], path, size_m, 1.0)
@@ -39,12 +43,14 @@ def draw_drive(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     dim = [{**shape, "rgb": mixed(OUTSIDE, rgb_of(shape), DIMMED)} for shape in statics]
     parts = body_parts(world, [(shape, AT_ORIGIN) for shape in dim])
     parts += [part for shape in statics for part in _edges(world, shape, AT_ORIGIN)]
-    others = [(shape, poses[-1]) for name, poses in tracks.poses.items() if name != main for shape in bodies[name]]
+    away_m = {name: np.hypot(*(poses[:, :3] - path)[:, [0, 2]].T).max() for name, poses in tracks.poses.items()}
+    carried = [name for name in tracks.poses if away_m[name] < size_m]
+    others = [(shape, tracks.poses[name][-1]) for name in away_m if name not in carried for shape in bodies[name]]
     parts += body_parts(world, others)
     parts += [part for shape, pose in others for part in _edges(world, shape, pose)]
     parts.append(Part(track_view.path, PATH, 1.2))
     for i, position in track_view.strobes:
-        parts += body_parts(position, [(shape, tracks.poses[main][i]) for shape in bodies[main]])
+        parts += body_parts(position, [(shape, tracks.poses[name][i]) for name in carried for shape in bodies[name]])
     projection.draw(sheet, parts, OUTSIDE)
     labels = Labels([position.feet_on_sheet for _, position in track_view.strobes], 0.42 * track_view.size, SCENE)
     r = 0.6 * track_view.size

@@ -14,6 +14,7 @@ from snr_sim.recording.records import Header, TruthRecord
 
 NEWTONS_PER_MPS = 40.0  # length of a plant's arrow "current" for 1 m/s
 TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
+LEVEL_M = 0.1  # ground that rises by less is best seen from above
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,12 @@ def wants_map(poses: Floats) -> bool:
 def is_on_floor(header: Header) -> bool:
     """Return whether the scene has a shape named 'floor', for a level one."""
     return "floor" in header.scene.get("statics", {})
+
+
+def is_drive(header: Header, poses: Floats) -> bool:
+    """Return whether a vehicle drives about: on a floor, or on ground and farther to the north than up."""
+    _, spread_y, spread_z = np.ptp(poses[:, :3], axis=0)
+    return is_on_floor(header) or ("ground" in header.scene.get("statics", {}) and spread_z < max(spread_y, LEVEL_M))
 
 
 def from_above(scene: dict[str, Any], tracks: BodyTracks) -> tuple[dict[str, Any], BodyTracks]:

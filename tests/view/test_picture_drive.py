@@ -104,3 +104,53 @@ def test_drive_writes_what_was_measured(tmp_path: Path, monkeypatch: pytest.Monk
     )
     drawn(tmp_path, drive())
     assert {"done, 15.0 s", "way 4.50 m", "0 s", "15 s"} <= set(texts)
+
+
+# -- on ground --------------------------------------------------------------------------------------------------------
+
+WHEEL = (40, 40, 230)
+GROUND = {
+    "kind": "mesh",
+    "vertices_m": [[x, y, 0.0] for x in (-9.0, 9.0) for y in (-9.0, 9.0)],
+    "triangles": [[0, 2, 1], [1, 2, 3]],
+    "rgb": [120, 120, 120],
+}
+ON_GROUND = {
+    "statics": {"ground": GROUND},
+    "bodies": {
+        "truck": SCENE["bodies"]["truck"],
+        "wheel": [{"kind": "box", "half_size_m": [0.06, 0.06, 0.06], "center_m": [0.0, 0.0, 0.1], "rgb": list(WHEEL)}],
+    },
+}
+
+
+def driven(rise: float, north: float) -> list[Record]:
+    """Six meters to the east with a wheel on its right, and a share of that up and to the north."""
+    records: list[Record] = []
+    for k in range(31):
+        x = 0.2 * k
+        y, z = north * x, rise * x
+        poses = {name: [x, y + away, z, 0.0, 0.0, 0.0, 1.0] for name, away in (("truck", 0.0), ("wheel", -0.25))}
+        records.append(TruthRecord(len(records) + 1, 0.25 * k, poses, {}, {"way_m": x}))
+    return records
+
+
+@pytest.mark.parametrize(("rise", "north", "is_map"), [(0.0, 0.0, True), (0.1, 0.5, True), (0.2, 0.1, False)])
+def test_drive_on_ground_is_seen_from_where_it_moves_most(
+    tmp_path: Path, rise: float, north: float, is_map: bool
+) -> None:
+    """From above the wheel is south of the truck; from the south it is before it."""
+    image = drawn(tmp_path, driven(rise, north), **ON_GROUND)
+    truck, wheel = places(image, BODY, 120), places(image, WHEEL, 160)
+    first = truck[truck[:, 1] < truck[:, 1].min() + 10]
+    beside = wheel[wheel[:, 1] < wheel[:, 1].min() + 10]
+    assert (beside[:, 0].min() > first[:, 0].max()) == is_map
+
+
+def test_wheel_is_drawn_each_time_with_its_vehicle(tmp_path: Path) -> None:
+    image = drawn(tmp_path, driven(0.0, 0.5), **ON_GROUND)
+    truck, wheel = places(image, BODY, 120), places(image, WHEEL, 160)
+    for found in (truck, wheel):
+        columns = np.unique(found[:, 1])
+        assert len(columns[np.r_[True, np.diff(columns) > 5]]) >= 4
+    assert np.ptp(truck[:, 1]) == pytest.approx(np.ptp(wheel[:, 1]), rel=0.1)
