@@ -14,6 +14,8 @@ from snr_sim.prelude.errors import DeviceError, PlantError
 from snr_sim.prelude.ground_signals import DriveCommand, DriveMode, MotorReading
 from snr_sim.prelude.plant import Plant
 
+TICK_S = 0.01  # how often a controller looks whether its timeout is over, as VESC firmware does; commands act at once
+
 
 class VescPort:
     """Serial port of an emulated controller, in memory. Implements `BytePort`."""
@@ -82,6 +84,7 @@ class VescPlant:
             return EmulatedVesc(motor, name, self._erpm_per_rpm, faults=faults)
 
         self._controllers = {name: controller(name) for name in self._motors}
+        self._tick_s = 0.0
         self._ports: dict[str, VescPort] = {}
         for name in self._motors:
             self.open_port(name)  # a controller runs, whether its port is used or not
@@ -107,8 +110,11 @@ class VescPlant:
 
     def step(self, dt_s: float) -> None:
         """Advance both: first the controllers, then the plant."""
-        for port in self._ports.values():
-            port.tick()
+        now_s = self.plant.time_s
+        if now_s >= self._tick_s:
+            self._tick_s = now_s + TICK_S - 1e-9  # not a step later, by rounding
+            for port in self._ports.values():
+                port.tick()
         self.plant.step(dt_s)
 
     def write(self, name: str, command: Any) -> None:
