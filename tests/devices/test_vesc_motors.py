@@ -164,7 +164,7 @@ def readings(bench: Bench, command: DriveCommand, seconds: float) -> list[list[A
     ("kind", "reason"),
     [("mute", "sends nothing"), ("garbage", "bytes that are not its answer"), ("brown_out", "sends nothing")],
 )
-def test_failed_controller_is_told_while_others_go_on(kind: Any, reason: str) -> None:
+def test_failed_controller_is_reported_while_others_continue(kind: Any, reason: str) -> None:
     bench = Bench(motor_LF=ScriptedFault(kind, 0.3, 0.8))
     found = readings(bench, DriveCommand("speed", [2.0, 2.0]), 1.5)
     times_s = [TICK_S * (i + 1) for i in range(len(found))]
@@ -230,7 +230,7 @@ def test_port_is_shared_and_closed_by_the_last_of_its_devices() -> None:
         bench.lines[0].update()
 
 
-def test_wire_that_is_gone_is_told_and_the_others_are_driven() -> None:
+def test_wire_that_is_gone_is_reported_and_the_others_are_driven() -> None:
     bench = Bench()
     motors, (left, right) = started(bench.motors()), bench.sensors()
     bench.plant._ports["motor_LF"].close()  # as if it was unplugged

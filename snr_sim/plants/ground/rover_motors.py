@@ -112,10 +112,10 @@ class RoverMotors:
         which = self._motors_of[name]
         mode, values = (command.mode, command.values) if command.values else ("brake", [NEUTRAL_BRAKE_A] * len(which))
         if len(values) != len(which) or not all(map(math.isfinite, values)):
-            wanted = "one finite number" if len(which) == 1 else f"{len(which)} finite numbers, one for each motor"
+            expected = "one finite number" if len(which) == 1 else f"{len(which)} finite numbers, one for each motor"
             raise PlantError(
                 f"At {time_s:g} s the command '{name}' is {values}.",
-                fix=f"send {wanted}.",
+                fix=f"send {expected}.",
             )
         self.command(mode, values, which)
 

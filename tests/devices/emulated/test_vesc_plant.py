@@ -71,7 +71,7 @@ def climb(**faults: ScriptedFault) -> RunResult:
 def test_rover_climbs_while_one_controller_is_mute_and_another_has_no_power() -> None:
     result = climb(motor_LM=ScriptedFault("mute", 5.0, 8.0), motor_RB=ScriptedFault("brown_out", 10.0, 12.0))
     assert (result.error, result.success) == ("", True)
-    told = [note for note in result.notes if note.startswith("Sensor")]
-    assert [("motor_LM" in note, "has no reading" in note) for note in told] == [
+    reported = [note for note in result.notes if note.startswith("Sensor")]
+    assert [("motor_LM" in note, "has no reading" in note) for note in reported] == [
         (True, True), (True, False), (False, True), (False, False),
     ]  # fmt: skip
