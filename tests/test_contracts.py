@@ -24,6 +24,7 @@ COMMANDS = {
     "motors": MotorCommand(a=40.0, d=25.0),
     "pwm": PwmCommand([1500.0] * 8),
     "drive": DriveCommand("speed", [2.0] * 6),
+    **{f"motor_{wheel}": DriveCommand("current", [1.0]) for wheel in ("LF", "LM", "LB", "RF", "RM", "RB")},
 }
 
 
@@ -126,3 +127,13 @@ def test_emulated_outputs_and_power_monitor_pass_contract(emulators: None) -> No
     check_pwm_out(bench)
     check_sensor(lambda: bench.robot.DEVICES["emulated"]["power"](bench.context))
     bench.plant.board.close()
+
+
+def test_motors_and_readings_over_emulated_controllers_pass_contract() -> None:
+    found = library.find("scenarios", "rover_hill")
+    scenario, robot = load(found)
+    about = RobotInfo(scenario.ROBOT, "rover", found.name, "pymunk", scenario.parameters(1), {})
+    plant = robot.wrap_plant(RobotContext(about, "emulated", 1, scenario.plant(1, "pymunk")))
+    devices = robot.DEVICES["emulated"]
+    check_sensor(lambda: devices["motor"](RobotContext(about, "emulated", 1, plant), "motor_LB"))
+    check_actuator(lambda: devices["drive"](RobotContext(about, "emulated", 1, plant)), COMMANDS["drive"])

@@ -34,6 +34,9 @@ class RoverParameters:
     """Parameters of the robot for a controller."""
 
     vehicle: RoverVehicle = field(default_factory=vehicle)
+    erpm_per_rpm: float = 228.0  # turns of a motor's field in one of its wheel: 12 pole pairs, a gear of 19
+    controller_erpm: float = 40_000.0  # the limit of the motors' controllers
+    neutral_a: float = 4.0  # of a brake without a command: holds until 25 degrees
     imu: InertialUnit = field(default_factory=InertialUnit)
     gps: GpsReceiver = field(default_factory=GpsReceiver)
     gps_hz: float = 0.0  # readings of the receiver, which reports 10 times a second; 0: there is none

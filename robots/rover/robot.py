@@ -15,13 +15,15 @@
     controls  what the surface asks for, where there is a pilot (controls.py); odometry and vehicle come from the
               controllers that need them (odometry.py, controllers/sticks.py)
 
-A command older than a quarter of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
+With `--io emulated` each motor has an emulated VESC controller, driven and read by the bytes of its serial line. A
+command older than a quarter of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
 down a slope. Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -33,8 +35,13 @@ from snr_sim.devices import (
     SensorLoopFactory,
     SimActuator,
     SimSensor,
+    VescLine,
+    VescMotors,
+    VescSensor,
 )
+from snr_sim.devices.emulated import VescPlant
 from snr_sim.errors import ParameterError
+from snr_sim.plants import Plant
 from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
 from snr_sim.signals import DriveCommand
 from snr_sim.teleop import DeadmanSwitch, Keyboard, LinkMonitorFactory, ManualInput, pilot_of, surface_link
@@ -44,7 +51,6 @@ from .display import display
 from .parameters import MOTOR_ERRORS, RoverParameters
 
 ROLES = ("rover", "topside")
-IO = ("sim",)
 OPTIONS = {
     "pilot": "scripted, or manual (game controller, keyboard)",
     "sticks": "arcade (one stick ahead and to the sides), or tank (a stick for each side)",
@@ -61,6 +67,11 @@ TO_TOPSIDE = ("vehicle", "odometry", "power", RECORDING_KEY)
 def sim_sensor(context: RobotContext, name: str, errors: SensorErrors) -> SimSensor:
     """Open a simulated sensor."""
     return SimSensor(context.plant, name, errors, context.rng(name))
+
+
+def sim_motor(context: RobotContext, name: str) -> SimSensor:
+    """Open what reads a simulated motor."""
+    return sim_sensor(context, name, MOTOR_ERRORS)
 
 
 def sim_imu(context: RobotContext) -> SimSensor:
@@ -80,6 +91,48 @@ def sim_motors(context: RobotContext) -> SimActuator[DriveCommand]:
     return SimActuator(context.plant, "drive", DriveCommand, {"values": (-MAX_VALUE, MAX_VALUE)})
 
 
+def vesc_line(context: RobotContext, name: str) -> VescLine:
+    """Return the line of a motor's emulated controller, as `wrap_plant` added it to the plant."""
+    plant, factor = context.plant, context.robot.parameters.erpm_per_rpm
+    assert isinstance(plant, VescPlant)
+    line: VescLine = context.get_or_create(
+        name, lambda: VescLine(name, partial(plant.open_port, name), context.now_s, factor)
+    )
+    return line
+
+
+def vesc_motor(context: RobotContext, name: str) -> VescSensor:
+    """Open what reads a motor by its controller."""
+    return VescSensor(vesc_line(context, name))
+
+
+def vesc_motors(context: RobotContext) -> VescMotors:
+    """Open the controllers of all motors."""
+    parameters: RoverParameters = context.robot.parameters
+    motor = parameters.vehicle.motor
+    limits = {
+        "speed": parameters.controller_erpm / parameters.erpm_per_rpm * math.pi / 30.0,
+        "current": motor.limit_a,
+        "brake": motor.limit_a,
+        "duty": 1.0,
+    }
+    return VescMotors([vesc_line(context, name) for name in motor_names(parameters)], limits, parameters.neutral_a)
+
+
+def wrap_plant(context: RobotContext) -> Plant:
+    """Return the plant; with `--io emulated`, with an emulated controller at each motor."""
+    assert context.plant is not None
+    if context.io != "emulated":
+        return context.plant
+    parameters: RoverParameters = context.robot.parameters
+    return VescPlant(context.plant, motor_names(parameters), parameters.erpm_per_rpm)
+
+
+def motor_names(parameters: RoverParameters) -> list[str]:
+    """Return the names of the motors, in the order of a command's values."""
+    return [f"motor_{wheel.name}" for wheel in parameters.vehicle.motor_wheels]
+
+
 def manual_input(context: RobotContext) -> ManualInput:
     """Open a game controller, or the keyboard."""
     options = context.robot.options
@@ -90,20 +143,30 @@ def manual_input(context: RobotContext) -> ManualInput:
     )
 
 
+# What drives and reads the motors, for each way of running the robot. All else is simulated.
+DEVICES: dict[str, dict[str, Callable[..., Any]]] = {
+    "sim": {"motor": sim_motor, "drive": sim_motors},
+    "emulated": {"motor": vesc_motor, "drive": vesc_motors},
+}
+IO = tuple(DEVICES)
+
+
 def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Return the components of each role. Sensors are first and motors last, so a reading acts within its tick."""
     parameters: RoverParameters = context.robot.parameters
-    names = [f"motor_{wheel.name}" for wheel in parameters.vehicle.motor_wheels]
+    devices = DEVICES[context.io]
     sensors = [
-        SensorLoopFactory(name, partial(sim_sensor, context, name, MOTOR_ERRORS), parameters.motors_hz)
-        for name in names
+        SensorLoopFactory(name, partial(devices["motor"], context, name), parameters.motors_hz)
+        for name in motor_names(parameters)
     ]
     sensors.append(SensorLoopFactory("imu", partial(sim_imu, context), parameters.imu_hz))
     power = partial(sim_sensor, context, "power", SensorErrors())
     sensors.append(SensorLoopFactory("power", power, parameters.power_hz))
     if parameters.gps_hz:
         sensors.append(SensorLoopFactory("gps", partial(sim_gps, context), parameters.gps_hz))
-    motors = ActuatorLoopFactory("drive", partial(sim_motors, context), parameters.drive_hz, parameters.drive_timeout_s)
+    motors = ActuatorLoopFactory(
+        "drive", partial(devices["drive"], context), parameters.drive_hz, parameters.drive_timeout_s
+    )
     rover, extra = [*sensors, *controller, motors], list(context.extra_components.get("topside", ()))
     if not parameters.script:
         _check_no_options(context)

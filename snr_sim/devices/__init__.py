@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from snr_sim.devices.mcu.mcu import McuPower as McuPower
     from snr_sim.devices.mcu.mcu import McuPwm as McuPwm
     from snr_sim.devices.mcu.mcu_board import McuBoard as McuBoard
+    from snr_sim.devices.motors.vesc_line import VescLine as VescLine
+    from snr_sim.devices.motors.vesc_motors import VescMotors as VescMotors
+    from snr_sim.devices.motors.vesc_motors import VescSensor as VescSensor
     from snr_sim.devices.pwm.engine_pwm import EnginePwmLoopFactory as EnginePwmLoopFactory
     from snr_sim.devices.pwm.engine_pwm import EngineServos as EngineServos
     from snr_sim.devices.pwm.maestro import Maestro as Maestro

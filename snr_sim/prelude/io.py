@@ -2,7 +2,7 @@
 
 sim                 all in the simulated world
 loopback            outputs without hardware: the requested pulses are the applied ones
-emulated            outputs and power sensor on an emulated microcontroller, in lock step with the simulated world
+emulated            emulated boards or motor controllers behind serial lines, in lock step with the simulated world
 mcu:PORT            real outputs behind a microcontroller; the vehicle around them is simulated, in real time
 maestro:PORT        the same, behind a Pololu Maestro
 pca9685:BUS:ADDR    the same, behind a PCA9685 on I2C

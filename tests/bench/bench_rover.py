@@ -1,4 +1,4 @@
-"""Rover: a step in MuJoCo and in the plane, compared with MuJoCo's own of the same world; a minute of a climb.
+"""Rover: a step in MuJoCo and in the plane, compared with MuJoCo's own of the same world; minutes of a climb.
 
 Run by `snr bench rover`.
 """
@@ -17,13 +17,14 @@ from snr_sim.plants.ground.height_map import flat
 from snr_sim.plants.ground.rover import STEP_S
 from snr_sim.prelude.ground_signals import DriveCommand
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 from snr_sim.scenario.simulation_run import SimulationRun, run_recorded
 
 VEHICLE = read_rover(Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml")
 AHEAD = DriveCommand("speed", [4.0] * 3 + [5.0] * 3)
 STEPS = 2000
 HILLS_LIMIT_US, SOIL_LIMIT_US, PLANE_LIMIT_US, RATIO_LIMIT = 70.0, 100.0, 20.0, 2.5
+EMULATED_RATIO_LIMIT = 2.0
 CLIMB, CLIMB_LIMIT_S, RECORDED_LIMIT_S = "rover_hill", 4.0, 5.0
 
 
@@ -89,11 +90,11 @@ def measure(is_quick: bool) -> Iterator[Row]:
 
 
 def climbs(rounds: int) -> Iterator[Row]:
-    """Yield the time of a minute of a climb: node, sensors and plant in lock step, with the trace and without."""
+    """Yield the time of a minute of a climb: node, sensors and plant in lock step; with a trace; over VESC bytes."""
     simulation = prepare(Request(CLIMB))
     times_s: list[float] = []
 
-    def alone() -> Callable[[], Any]:
+    def alone(simulation: Simulation = simulation) -> Callable[[], Any]:
         plant = simulation.plant()
         flight = SimulationRun(simulation, plant, simulation.config(plant))
 
@@ -111,7 +112,8 @@ def climbs(rounds: int) -> Iterator[Row]:
             path.unlink(missing_ok=True)
             return lambda: run_recorded(simulation, path)
 
-        found = compare(alone, recorded, rounds=rounds)
+        emulated = prepare(Request(CLIMB, io="emulated"))
+        found = compare(alone, recorded, lambda: alone(emulated), rounds=rounds)
     per_minute = 60.0 / times_s[0]
     yield Row(f"rover, 60 s of {CLIMB} in lock step", per_minute * found.shortest_s[0], "s", limit=CLIMB_LIMIT_S)
     yield Row(
@@ -122,4 +124,13 @@ def climbs(rounds: int) -> Iterator[Row]:
         baseline=per_minute * found.shortest_s[0],
         compared_to="the same without a trace",
         ratio=found.ratios[1],
+    )
+    yield Row(
+        "rover, the same with its motors over emulated VESC lines",
+        per_minute * found.shortest_s[2],
+        "s",
+        baseline=per_minute * found.shortest_s[0],
+        compared_to="the same with --io sim",
+        ratio=found.ratios[2],
+        ratio_limit=EMULATED_RATIO_LIMIT,
     )

@@ -76,6 +76,22 @@ def test_restored_run_continues_bit_for_bit(world: str, mode: str, body: type[Ro
 
 
 @pytest.mark.parametrize("body", BODIES)
+def test_motor_that_is_commanded_alone_leaves_the_others_as_they_are(body: type[Rover]) -> None:
+    one_by_one, at_once = made(flat(), body=body), go(made(flat(), body=body), 0.1, AHEAD)
+    for name, value in zip(one_by_one.inputs[1:], AHEAD.values, strict=True):
+        one_by_one.write(name, DriveCommand(AHEAD.mode, [value]))
+    assert go(one_by_one, 0.1).snapshot() == at_once.snapshot()
+    for rover in (one_by_one, at_once):
+        rover.write("motor_LM", DriveCommand())  # it brakes
+    then = at_once.snapshot()
+    currents_a = [go(one_by_one, 0.1).read(name).current_a for name in at_once.inputs[1:]]
+    assert currents_a[1] == 0.0, "a brake is friction"
+    assert min(currents_a[:1] + currents_a[2:]) > 0.1, "the others push against it"
+    go(at_once, 0.2, AHEAD).restore(then)
+    assert go(at_once, 0.6).snapshot() == one_by_one.snapshot()
+
+
+@pytest.mark.parametrize("body", BODIES)
 def test_rover_stands_on_a_slope_without_a_jolt(body: type[Rover]) -> None:
     rover = made(ramp((0.2, -0.1)), position_m=(3.0, 2.0), body=body)
     rover.write("drive", DriveCommand("brake", [6.0] * 6))
@@ -215,6 +231,8 @@ def test_any_commands_leave_a_rover_that_moves_as_its_motors_can(
         ("drive", DriveCommand("speed", [0.0] * 5), PlantError, "send 6 finite numbers"),
         ("drive", DriveCommand("speed", [math.nan] * 6), PlantError, "send 6 finite numbers"),
         ("drive", DriveCommand("duty", [math.inf] * 6), PlantError, "send 6 finite numbers"),
+        ("motor_LF", DriveCommand("speed", [0.0] * 6), PlantError, "send one finite number"),
+        ("motor_XF", DriveCommand("speed", [0.0]), UnknownNameError, "did you mean 'motor_"),
     ],
 )
 def test_invalid_command_is_refused_and_changes_nothing(

@@ -98,8 +98,6 @@ class Rover:
         motors, contacts: their state, for judges and tests.
     """
 
-    inputs: tuple[str, ...] = ("drive",)
-
     def __init__(
         self,
         vehicle: RoverVehicle,
@@ -128,6 +126,7 @@ class Rover:
         self._dofs = axles.dofs
         self.motors: RoverMotors = RoverMotors(vehicle, axles)
         self._instruments = RoverInstruments(vehicle, world, self.motors, self.contacts)
+        self.inputs: tuple[str, ...] = self.motors.inputs
         self._readers = self._instruments.readers()
         self.outputs: tuple[str, ...] = tuple(self._readers)
         self.reset(seed)
@@ -197,10 +196,8 @@ class Rover:
         return self.contacts.hit_n
 
     def write(self, name: str, command: DriveCommand) -> None:
-        """Set what the motors do: `DriveCommand.mode`, with a value for each wheel; see `RoverMotors.order`."""
-        if name not in self.inputs:
-            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
-        self.motors.order(command, self.time_s)
+        """Set what the motors do: all by "drive", or one by "motor_<wheel>"; see `RoverMotors.order`."""
+        self.motors.order(name, command, self.time_s)
 
     def step(self, dt_s: float) -> None:
         """Advance by one step."""

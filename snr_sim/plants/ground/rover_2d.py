@@ -57,7 +57,6 @@ class Rover2D:
         state: where it is and how it moves.
     """
 
-    inputs: tuple[str, ...] = ("drive",)
     state: PlanarState
 
     def __init__(
@@ -87,6 +86,7 @@ class Rover2D:
         top_mps = max(wheel.radius_m for wheel in vehicle.wheels) * vehicle.motor.top_radps(self.motors.voltage_v)
         self._contacts = WallContacts(loads.mass_kg, loads.yaw_kgm2, OBSTACLE_FRICTION, FASTEST * top_mps, step_s)
         self._instruments = PlanarInstruments(vehicle, ground, loads, self.motors, step_s)
+        self.inputs: tuple[str, ...] = self.motors.inputs
         self._readers = self._instruments.readers()
         self.outputs: tuple[str, ...] = tuple(self._readers)
         self.reset(seed)
@@ -144,10 +144,8 @@ class Rover2D:
         return self._instruments.loads_n(self.state)
 
     def write(self, name: str, command: DriveCommand) -> None:
-        """Set what the motors do: `DriveCommand.mode`, with a value for each wheel; see `RoverMotors.order`."""
-        if name not in self.inputs:
-            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
-        self.motors.order(command, self.time_s)
+        """Set what the motors do: all by "drive", or one by "motor_<wheel>"; see `RoverMotors.order`."""
+        self.motors.order(name, command, self.time_s)
 
     def step(self, dt_s: float) -> None:
         """Advance by one step."""

@@ -68,10 +68,19 @@ class MujocoAxles:
 
 
 class RoverMotors:
-    """All motors of a rover. Rates are those of the wheels."""
+    """All motors of a rover. Rates are those of the wheels.
+
+    Attributes:
+        inputs: of the plant: "drive" for all motors, and "motor_<wheel>" for each alone.
+    """
 
     def __init__(self, vehicle: RoverVehicle, axles: Axles) -> None:
         self._vehicle, self._motor, self._axles, self._count = vehicle, vehicle.motor, axles, len(vehicle.motor_wheels)
+        names = [f"motor_{wheel.name}" for wheel in vehicle.motor_wheels]
+        self._motors_of: dict[str, Sequence[int]] = {"drive": range(self._count)}
+        self._motors_of |= {name: (i,) for i, name in enumerate(names)}
+        self.inputs: tuple[str, ...] = tuple(self._motors_of)
+        self._commands: list[tuple[str, float]] = [("off", 0.0)] * self._count
         self._per_motor = 1.0 / vehicle.motor.nm_per_a, vehicle.motor.resistance_ohm, vehicle.motor.v_per_radps
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
         self._full_range = [(-limit_nm, limit_nm)] * self._count
@@ -84,29 +93,36 @@ class RoverMotors:
         self.current_a: float = self._vehicle.electronics_a  # out of the battery
         self.command("off", (0.0,) * self._count)
 
-    def order(self, command: DriveCommand, time_s: float) -> None:
+    def order(self, name: str, command: DriveCommand, time_s: float) -> None:
         """Do what a command says; one without values is neutral, a brake of NEUTRAL_BRAKE_A.
+
+        Args:
+            name: one of `inputs`: "drive", or the only motor that the command is for.
+            command: see `DriveCommand`.
+            time_s: of the plant, for errors.
 
         Raises:
             UnknownNameError: there is no such mode.
             PlantError: the values are not one finite number for each motor.
         """
+        if name not in self.inputs:
+            raise UnknownNameError(f"This plant has no input '{name}'.", fix=suggest(name, self.inputs))
         if command.mode not in MODES:
             raise UnknownNameError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, MODES))
-        if not command.values:
-            self.neutral()
-            return
-        if len(command.values) != self._count or not all(map(math.isfinite, command.values)):
+        which = self._motors_of[name]
+        mode, values = (command.mode, command.values) if command.values else ("brake", [NEUTRAL_BRAKE_A] * len(which))
+        if len(values) != len(which) or not all(map(math.isfinite, values)):
+            expected = "one finite number" if len(which) == 1 else f"{len(which)} finite numbers, one for each motor"
             raise PlantError(
-                f"At {time_s:g} s the command of the motors is {command.values}.",
-                fix=f"send {self._count} finite numbers, one for each motor.",
+                f"At {time_s:g} s the command '{name}' is {values}.",
+                fix=f"send {expected}.",
             )
-        self.command(command.mode, command.values)
+        self.command(mode, values, which)
 
-    def command(self, mode: str, values: Sequence[float]) -> None:
-        """Set what the motors do: see `DcMotor.drive`."""
-        self.mode: str = mode
-        self.values: tuple[float, ...] = tuple(values)
+    def command(self, mode: str, values: Sequence[float], which: Sequence[int] | None = None) -> None:
+        """Set what motors do, of all or of those with these indices: see `DcMotor.drive`."""
+        for i, value in zip(range(self._count) if which is None else which, values, strict=True):
+            self._commands[i] = mode, value
         self._line_v = self._voltage_v
         self._set_lines()
 
@@ -116,7 +132,7 @@ class RoverMotors:
 
     def _set_lines(self) -> None:
         motor, voltage_v = self._motor, self._line_v
-        self._axles.set_drives([motor.drive(self.mode, value, voltage_v) for value in self.values])
+        self._axles.set_drives([motor.drive(mode, value, voltage_v) for mode, value in self._commands])
         self._axles.set_limits(self._full_range)
         self._is_limited = False
         # Below this rate the voltage allows the whole current, in both directions.
@@ -170,10 +186,11 @@ class RoverMotors:
 
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that the engine's does not hold."""
-        return self.mode, self.values, self._voltage_v, self._line_v, self.current_a, self.battery.snapshot()
+        return tuple(self._commands), self._voltage_v, self._line_v, self.current_a, self.battery.snapshot()
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Put back what `snapshot` returned."""
-        self.mode, self.values, self._voltage_v, self._line_v, self.current_a, battery = snapshot
+        commands, self._voltage_v, self._line_v, self.current_a, battery = snapshot
+        self._commands = list(commands)
         self.battery.restore(battery)
         self._set_lines()

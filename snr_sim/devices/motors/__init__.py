@@ -1,0 +1,1 @@
+"""Motor controllers on serial lines, which drive the wheels of a vehicle."""
