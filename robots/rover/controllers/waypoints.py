@@ -44,7 +44,7 @@ class Navigator(Endpoint):
         """Correct the place."""
         since_s, self.fixed_s = self.fixed_s, gps["stamp_s"]
         if since_s is not None and gps["stamp_s"] > since_s:
-            # A receiver may leave out altitude and course: some firmware has no altitude, and at rest there is no course.
+            # A receiver may leave out both: some firmware has no altitude, and at rest there is no course.
             x, y, _ = self.plane.local(gps["latitude_deg"], gps["longitude_deg"], gps["altitude_m"] or 0.0)
             self.place.fix((x, y), gps["course_rad"], gps["stamp_s"] - since_s)
 
