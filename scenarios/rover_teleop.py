@@ -17,6 +17,7 @@ its start, and hit nothing with more than 50 N. Without you, a script does so, a
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -40,10 +41,11 @@ HOME_M, AT_REST_MPS, HARD_N = 2.0, 0.02, 50.0
 ARM_S, GO_S, AHEAD, BEYOND_M, STAND_S = 1.0, 2.0, 0.8, 3.0, 1.0  # of the script
 
 
-def gates(seed: int) -> list[tuple[float, float]]:
+@lru_cache(maxsize=4)
+def gates(seed: int) -> tuple[tuple[float, float], ...]:
     """Return x and y of the middle of each gate of a seed; one drives through them along x."""
     rng = rng_for(seed, "gates")
-    return [(APART_M * (i + 1), rng.uniform(-0.4, 0.4)) for i in range(GATES)]
+    return tuple((APART_M * (i + 1), rng.uniform(-0.4, 0.4)) for i in range(GATES))
 
 
 def parameters(seed: int) -> RoverParameters:
@@ -73,9 +75,9 @@ def plant(seed: int, engine: str) -> Tracked:
 
 def passed_gates(plant: Tracked) -> list[int]:
     """Return the numbers of the gates that it went through, in this order; those on the way back are negative."""
-    passed = []
+    passed, places = [], gates(plant.seed)
     for before, after in pairwise(plant.course):
-        for i, (x, y) in enumerate(gates(plant.seed)):
+        for i, (x, y) in enumerate(places):
             was, now = before.position_m[0] - x, after.position_m[0] - x
             if (was < 0.0) != (now < 0.0) and abs(after.position_m[1] - y) < HALF_WIDTH_M:
                 passed.append(i + 1 if now >= 0.0 else -i - 1)

@@ -44,7 +44,7 @@ def wheel_rates(
 def side_values(parameters: RoverParameters, mode: str, sides: Sides) -> list[float]:
     """Return the value of each wheel for shares of the limit: rad/s, A, or -1 to 1 of the voltage."""
     vehicle = parameters.vehicle
-    shares = [(wheel, sides.left if wheel.side == "left" else sides.right) for wheel in vehicle.wheels]
+    shares = [(wheel, sides.left if wheel.side == "left" else sides.right) for wheel in vehicle.motor_wheels]
     if mode == "speed":
         return [share * parameters.limit_mps / wheel.radius_m for wheel, share in shares]
     return [share * (vehicle.motor.limit_a if mode == "current" else 1.0) for _, share in shares]
@@ -66,7 +66,7 @@ def braked(
     def stopping(speed: float) -> float:
         return -min(limit_a, max(-limit_a, BRAKE_A_PER_RADPS * speed)) if mode == "current" else 0.0
 
-    wheels = zip(parameters.vehicle.wheels, values, speeds, strict=True)
+    wheels = zip(parameters.vehicle.motor_wheels, values, speeds, strict=True)
     return [stopping(speed) if wheel.side in sides else value for wheel, value, speed in wheels]
 
 

@@ -57,12 +57,13 @@ class Place:
         x, y = self.position_m
         self.position_m = x + cos * dx - sin * dy, y + sin * dx + cos * dy
 
-    def fix(self, position_m: Point, course_rad: float, dt_s: float) -> None:
-        """Take a fix of a receiver, `dt_s` after the one before."""
+    def fix(self, position_m: Point, course_rad: float | None, dt_s: float) -> None:
+        """Take a fix of a receiver, `dt_s` after the one before; a course of None counts for nothing."""
         share = dt_s / POSITION_S
         x, y = self.position_m
         self.position_m = x + share * (position_m[0] - x), y + share * (position_m[1] - y)
-        if self._speed_mps > STRAIGHT_MPS and abs(self._turn_radps) < STRAIGHT_RADPS:
+        is_straight = self._speed_mps > STRAIGHT_MPS and abs(self._turn_radps) < STRAIGHT_RADPS
+        if course_rad is not None and is_straight:
             self.offset_rad += dt_s / OFFSET_S * wrap_rad(course_rad - self.heading_rad)
 
 
@@ -117,7 +118,10 @@ class RouteFollower:
         """Return the way along the line, from its beginning."""
         (ax, ay), (bx, by) = self._line
         dx, dy = bx - ax, by - ay
-        return ((position_m[0] - ax) * dx + (position_m[1] - ay) * dy) / math.hypot(dx, dy)
+        length_m = math.hypot(dx, dy)
+        if length_m == 0.0:
+            return 0.0  # the point is the same as the one before, and is reached with it
+        return ((position_m[0] - ax) * dx + (position_m[1] - ay) * dy) / length_m
 
     def _target(self, position_m: Point) -> Point:
         """Return the point to drive to, ahead on the line, which continues beyond the next point of the route."""

@@ -28,7 +28,7 @@ class WheelOdometry:
     """Adds up the way of the wheels along the heading."""
 
     def __init__(self, parameters: RoverParameters) -> None:
-        wheels = parameters.vehicle.wheels
+        wheels = parameters.vehicle.motor_wheels
         self._rolling_m = [wheel.radius_m - parameters.tyre_m for wheel in wheels]
         self._left = [i for i, wheel in enumerate(wheels) if wheel.side == "left"]
         self._right = [i for i, wheel in enumerate(wheels) if wheel.side == "right"]
@@ -73,7 +73,7 @@ class Odometry(Endpoint):
 
     def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        self.keys = [f"motor_{wheel.name}" for wheel in self.parameters.vehicle.wheels]
+        self.keys = [f"motor_{wheel.name}" for wheel in self.parameters.vehicle.motor_wheels]
         self.odometry = WheelOdometry(self.parameters)
         self.task_handlers = {(TaskType.process_data, self.keys[-1]): self.on_motors}
 

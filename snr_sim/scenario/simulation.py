@@ -350,6 +350,12 @@ def prepare(
         raise UnknownNameError(
             f"Robot '{robot_found.name}' has no role '{request.role}'.", fix=suggest(request.role, robot.ROLES)
         )
+    roles = getattr(scenario, "ROLES", robot.ROLES)
+    if request.role is not None and request.role not in roles:
+        raise UnknownNameError(
+            f"Role '{request.role}' has nothing to do in scenario '{scenario_found.name}'.",
+            fix=suggest(request.role, roles),
+        )
     controller_name = request.controller or scenario.CONTROLLER
     controller = load(robot_found, controller_name)
     check_options(request.options, robot, controller)

@@ -65,7 +65,7 @@ def address_of(options: Mapping[str, str], port: int) -> tuple[str, int]:
     if not 0 < given < 1 << 16:
         raise ParameterError(
             f"--option port={text} is not a valid port.",
-            fix="a number from 1 to 65535, the same at both ends: port=9120.",
+            fix=f"a number from 1 to 65535, the same at both ends: port={port}.",
         )
     host = options.get("host", LOCALHOST)
     start, _, end = host.rpartition(":")

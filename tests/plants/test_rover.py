@@ -257,6 +257,7 @@ def test_state_that_is_not_finite_is_reported_with_its_joint() -> None:
     [
         ({"wheels": VEHICLE.wheels[:2]}, "at least three"),
         ({"wheels": (*VEHICLE.wheels[:5], VEHICLE.wheels[0])}, "each has its own"),
+        ({"wheels": VEHICLE.wheels[:3]}, "list of wheels of the right bogie is"),
         ({"suspension": None}, "Wheel LF hangs on a rocker, and the rover has no suspension"),
         ({"inertia_kgm2": (1.0, 1.0, 3.0)}, "no body has more than the sum of two"),
         ({"chassis_kg": 29_000.0}, "chassis_kg is 29000.0: grams"),

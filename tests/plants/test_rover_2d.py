@@ -14,9 +14,11 @@ from snr_sim.plants.ground.rover import Rover, RoverStart
 from snr_sim.plants.ground.rover_2d import Rover2D
 from snr_sim.plants.ground.rover_file import read_rover
 from snr_sim.plants.ground.rover_loads import RoverLoads
+from snr_sim.plants.ground.rover_vehicle import NO_MOTOR, Wheel
 from snr_sim.plants.ground.terramechanics import DRY_SAND, Coulomb
 from snr_sim.prelude.errors import ParameterError, PlantError
 from snr_sim.prelude.ground_signals import DriveCommand
+from tests.lanes import slow
 
 VEHICLE = read_rover(Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml")
 GRAVITY = 9.80665
@@ -92,7 +94,7 @@ def test_neutral_brake_holds_up_to_its_torque() -> None:
         assert (rover.speed_mps < 0.01) == holds
 
 
-@pytest.mark.parametrize("degrees", [0.0, 5.0])
+@pytest.mark.parametrize("degrees", [slow(0.0), 5.0])
 def test_slip_on_sand_is_that_in_mujoco(degrees: float) -> None:
     slips = []
     for body in (Rover, Rover2D):
@@ -108,11 +110,11 @@ def test_slip_on_sand_is_that_in_mujoco(degrees: float) -> None:
 @pytest.mark.parametrize(
     ("rock", "is_touched"),
     [
-        (Rock((1.5, 0.0, 0.2), 0.3), True),
+        slow(Rock((1.5, 0.0, 0.2), 0.3), True),
         (Rock((1.5, 0.38, -0.18), 0.25), True),  # 7 cm high, before a wheel
         (Rock((1.5, 0.0, -0.18), 0.25), False),  # the same between the wheels, under the chassis
         (Rock((1.5, 0.38, -0.27), 0.3), False),  # 3 cm high: it rolls over it
-        (Ledge((1.5, 0.0, 0.1), (0.1, 2.0, 0.2)), True),
+        slow(Ledge((1.5, 0.0, 0.1), (0.1, 2.0, 0.2)), True),
     ],
 )
 def test_rover_is_stopped_by_what_it_cannot_drive_over(rock: Rock | Ledge, is_touched: bool) -> None:
@@ -154,3 +156,23 @@ def test_twin_moves_as_the_rover_in_mujoco(left: float, right: float) -> None:
     twin, rover = (go(made(body=body), 3.0, "speed", left, right) for body in (Rover2D, Rover))
     assert twin.read("imu").rate_radps[2] == pytest.approx(rover.read("imu").rate_radps[2], rel=0.025, abs=1e-3)
     assert twin.speed_mps == pytest.approx(rover.speed_mps, rel=0.025, abs=0.02)
+
+
+def test_caster_in_the_middle_leaves_loads_and_motion_symmetric() -> None:
+    caster = Wheel("C", (-0.6, 0.0, 0.13), 0.13, 0.05, 0.5, friction_scale=0.0, motor=NO_MOTOR)
+    vehicle = replace(VEHICLE, wheels=(*VEHICLE.wheels, caster))
+    rover = Rover2D(vehicle, flat(), lambda seed: RoverStart())
+    go(rover, 0.2, "speed", 4.0)
+    *loads, _ = rover.loads_n
+    assert loads[:3] == pytest.approx(loads[3:])
+    assert rover.state.heading_rad == pytest.approx(0.0, abs=1e-9)
+
+
+def test_wheels_in_one_line_across_are_refused() -> None:
+    places = ((0.0, 0.4, 0.13), (0.0, -0.4, 0.13), (0.0, 0.2, 0.13))
+    wheels = tuple(
+        replace(wheel, hangs_on="chassis", position_m=place)
+        for wheel, place in zip(VEHICLE.wheels, places, strict=False)
+    )
+    with pytest.raises(ParameterError, match=r"do not hold it upright(.|\n)*before and behind"):
+        RoverLoads(replace(VEHICLE, wheels=wheels, suspension=None))

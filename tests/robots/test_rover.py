@@ -27,8 +27,11 @@ from tests.scenarios.recorded import simulate
 ROVER = library.find("robots", "rover")
 
 
-def run(controller: Path | None = None, seed: int = 0, scenario: str = "rover_hill") -> tuple[RunResult, object]:
-    simulation = prepare(Request(scenario, seed, controller=None if controller is None else str(controller)))
+def run(
+    controller: Path | None = None, seed: int = 0, scenario: str = "rover_hill", engine: str | None = None
+) -> tuple[RunResult, object]:
+    file = None if controller is None else str(controller)
+    simulation = prepare(Request(scenario, seed, engine, controller=file))
     plant = simulation.plant()
     return SimulationRun(simulation, plant, simulation.config(plant)).run(), plant
 
@@ -100,8 +103,9 @@ def test_invalid_command_is_reported(tmp_path: Path, data: str, message: str) ->
     assert message in result.error
 
 
-def test_template_drives_up_into_the_sand() -> None:
-    result, plant = run(ROVER.path / "controller_template.py")
+@pytest.mark.parametrize("engine", ["pymunk", slow("mujoco")])
+def test_template_drives_up_into_the_sand(engine: str) -> None:
+    result, plant = run(ROVER.path / "controller_template.py", engine=engine)
     assert result.outcome in ("timeout", "off course")
     assert plant.course[-1].position_m[0] > 5.0  # type: ignore[attr-defined]
 

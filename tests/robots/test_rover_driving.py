@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from snr_sim.plants import Rover, RoverStart
 from snr_sim.plants.ground.height_map import flat
+from snr_sim.plants.ground.rover_vehicle import NO_MOTOR, Wheel
 from snr_sim.prelude.angles import roll_pitch_yaw_rad, wrap_rad
 from snr_sim.prelude.errors import CommandError
 from snr_sim.prelude.ground_signals import DriveCommand
@@ -92,6 +94,20 @@ def test_brake_wins_over_the_stick_of_its_side_only() -> None:
     assert braked(PARAMETERS, "duty", values, ["right"], speeds) == [3.0, 3.0, 3.0, 0.0, 0.0, 0.0]
     assert braked(PARAMETERS, "current", values, ["left"], speeds) == [-4.0, -6.0, 4.0, 3.0, 3.0, 3.0]
     assert braked(PARAMETERS, "current", values, [], speeds) == values
+
+
+def test_caster_has_no_command_and_does_not_count_in_odometry() -> None:
+    caster = Wheel("C", (-0.6, 0.0, 0.13), 0.13, 0.05, 0.5, friction_scale=0.0, motor=NO_MOTOR)
+    vehicle = replace(PARAMETERS.vehicle, wheels=(caster, *PARAMETERS.vehicle.wheels))
+    parameters = replace(PARAMETERS, vehicle=vehicle)
+    values = side_values(parameters, "current", Sides(0.5, 1.0))
+    assert values == side_values(PARAMETERS, "current", Sides(0.5, 1.0))
+    stopped = braked(parameters, "current", values, ["left"], [2.0] * 6)
+    assert stopped == braked(PARAMETERS, "current", values, ["left"], [2.0] * 6)
+    odometry = WheelOdometry(parameters)
+    for turned_rad in (0.0, 1.0):
+        odometry.update([turned_rad] * 6, 0.0, 0.0, turned_rad)
+    assert odometry.position_m == pytest.approx((0.13 - PARAMETERS.tyre_m, 0.0))
 
 
 def test_heading_follows_the_stick_and_not_the_rover() -> None:

@@ -13,7 +13,7 @@ from snr_sim.scenario import library
 
 library.load_robot(library.find("robots", "rover"))
 
-from snr_sim_robot_rover.navigation import SPEED_MPS, SPIN_RADPS, TURN_RADPS, Place, RouteFollower  # noqa: E402
+from snr_sim_robot_rover.navigation import POSITION_S, SPEED_MPS, SPIN_RADPS, TURN_RADPS, Place, RouteFollower  # noqa: E402
 
 ROUTE = [(8.0, 0.0), (8.0, 8.0), (0.0, 8.0)]
 
@@ -87,3 +87,20 @@ def test_way_that_is_left_is_counted_along_the_line() -> None:
     follower.steer((7.9, 2.0), 0.0, 0.0)
     assert follower.reached == 1
     assert follower.left_m((8.0, 2.5)) == pytest.approx(5.5)
+
+
+def test_point_that_is_there_twice_is_reached_with_the_one_before() -> None:
+    follower = RouteFollower([(0.0, 0.0), (8.0, 0.0), (8.0, 0.0), (8.0, 8.0)])
+    assert follower.steer((0.0, 0.5), 0.0, 0.0)[0] == SPEED_MPS
+    assert (follower.reached, follower.left_m((0.0, 0.5))) == (1, 8.0)
+    follower.steer((7.9, 0.0), 0.0, 0.0)
+    assert follower.reached == 3
+
+
+def test_fix_without_a_course_corrects_the_position_alone() -> None:
+    place = Place()
+    straight(place, 1.0)
+    (x, y), offset_rad = place.position_m, place.offset_rad
+    place.fix((x, y + POSITION_S), None, 0.1)
+    assert place.position_m == pytest.approx((x, y + 0.1))
+    assert place.offset_rad == offset_rad

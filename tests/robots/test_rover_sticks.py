@@ -25,6 +25,7 @@ CONTROLLER = library.load_controller(library.find("robots", "rover"), "sticks")
 
 from snr_sim_robot_rover.controls import DEADMAN_BUTTON, LAYOUTS, LEGENDS, controls_of, gamepad_pilot  # noqa: E402
 from snr_sim_robot_rover.display import display  # noqa: E402
+from snr_sim_robot_rover.evaluation import Sample  # noqa: E402
 from snr_sim_robot_rover.parameters import RoverParameters  # noqa: E402
 
 PARAMETERS = RoverParameters()
@@ -227,6 +228,11 @@ def test_option_that_is_not_valid_is_refused(options: dict[str, str], message: s
         config_of("rover_teleop", **options)
 
 
+def test_invalid_port_is_refused_with_the_port_of_the_rover() -> None:
+    with pytest.raises(ParameterError, match=r"port=no is not a valid port(.|\n)*port=9130"):
+        config_of("rover_teleop", port="no")
+
+
 def test_option_of_a_pilot_is_refused_where_there_is_none() -> None:
     with pytest.raises(ParameterError, match="there is no pilot in rover_hill"):
         config_of("rover_hill", pilot="manual")
@@ -238,6 +244,27 @@ def test_scenario_without_a_pilot_runs_the_rover_alone() -> None:
     for scenario in ("rover_hill", "rover_waypoints"):
         assert prepare(Request(scenario)).roles == ["rover"]
         assert not prepare(Request(scenario, role="rover")).is_standalone, "so it is simulated again in lock step"
+        with pytest.raises(
+            UnknownNameError, match=rf"'topside' has nothing to do in scenario '{scenario}'(.|\n)*rover"
+        ):
+            prepare(Request(scenario, role="topside"))
+
+
+def test_gates_of_a_long_run_are_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The judge asks at each instant, of each sample: a person may wait at home for all of five minutes."""
+    simulation = prepare(Request("rover_teleop", seed=41))
+    plant = simulation.plant()
+    sample = Sample(0.0, (0.0, 0.0, 0.0), 0.0, 0.0)
+    there, back = [sample._replace(position_m=(float(x), 0.0, 0.0)) for x in range(14)], [sample] * 100
+    plant.course = [*there, *reversed(there), *back]
+    drawn: list[int] = []
+    rng_for = simulation.scenario.rng_for
+    monkeypatch.setattr(simulation.scenario, "rng_for", lambda seed, name: drawn.append(seed) or rng_for(seed, name))
+    simulation.scenario.gates.cache_clear()
+    verdict = simulation.scenario.verdict(plant)
+    assert verdict is not None
+    assert verdict.outcome == "completed"
+    assert drawn == [41]
 
 
 def test_person_at_the_surface_has_pad_pilot_display_and_link() -> None:

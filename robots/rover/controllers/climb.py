@@ -44,7 +44,9 @@ class Climb(Endpoint):
             self.heading_rad = imu["yaw_rad"]
         self.note_slope(-imu["pitch_rad"], imu["stamp_s"])
         if self.has_arrived:
-            return self.store_data_task("drive", {"mode": "brake", "values": [BRAKE_A] * 6})
+            return self.store_data_task(
+                "drive", {"mode": "brake", "values": [BRAKE_A] * len(self.parameters.vehicle.motor_wheels)}
+            )
         turn_radps = self.turn_per_s * wrap_rad(self.heading_rad - imu["yaw_rad"])
         rates = wheel_rates(self.parameters, self.speed_mps, turn_radps)
         return self.store_data_task("drive", {"mode": "speed", "values": rates})

@@ -94,7 +94,10 @@ class SticksDriver(Endpoint):
         mode, brakes = controls.mode, [side for side in ("left", "right") if getattr(controls, f"brake_{side}")]
         if len(brakes) == 2:
             self.heading.reset()
-            return {"mode": "brake", "values": [parameters.vehicle.motor.limit_a] * len(parameters.vehicle.wheels)}
+            return {
+                "mode": "brake",
+                "values": [parameters.vehicle.motor.limit_a] * len(parameters.vehicle.motor_wheels),
+            }
         sides = tank(controls.left, controls.right) if controls.left or controls.right else None
         turn_radps = curve(controls.turn) * parameters.limit_radps
         speed_mps = curve(controls.ahead) * parameters.limit_mps
@@ -108,7 +111,7 @@ class SticksDriver(Endpoint):
 
     def wheel_speeds(self) -> list[float]:
         """Return the newest speed of each wheel [rad/s]; 0 before the first."""
-        readings = [self.get_data(f"motor_{wheel.name}") for wheel in self.parameters.vehicle.wheels]
+        readings = [self.get_data(f"motor_{wheel.name}") for wheel in self.parameters.vehicle.motor_wheels]
         return [0.0 if reading is None else reading["speed_radps"] for reading in readings]
 
     def status(self, state: str, now_s: float) -> dict[str, Any]:

@@ -44,7 +44,8 @@ class Navigator(Endpoint):
         """Correct the place."""
         since_s, self.fixed_s = self.fixed_s, gps["stamp_s"]
         if since_s is not None and gps["stamp_s"] > since_s:
-            x, y, _ = self.plane.local(gps["latitude_deg"], gps["longitude_deg"], gps["altitude_m"])
+            # A receiver may leave out both: some firmware has no altitude, and at rest there is no course.
+            x, y, _ = self.plane.local(gps["latitude_deg"], gps["longitude_deg"], gps["altitude_m"] or 0.0)
             self.place.fix((x, y), gps["course_rad"], gps["stamp_s"] - since_s)
 
     @handles("odometry")
@@ -58,7 +59,7 @@ class Navigator(Endpoint):
             (0.0, 0.0) if is_waiting else route.steer(place.position_m, place.heading_rad, odometry["speed_mps"])
         )
         if is_waiting or route.has_arrived:
-            drive = {"mode": "brake", "values": [BRAKE_A] * len(self.parameters.vehicle.wheels)}
+            drive = {"mode": "brake", "values": [BRAKE_A] * len(self.parameters.vehicle.motor_wheels)}
         else:
             rates = wheel_rates(self.parameters, speed_mps, turn_radps, odometry["track_factor"])
             drive = {"mode": "speed", "values": rates}

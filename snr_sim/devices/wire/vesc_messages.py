@@ -216,7 +216,7 @@ class VescCodec:
             )
         try:
             return bytes([number]) + self._pack(message)
-        except (struct.error, TypeError, ValueError, OverflowError) as error:
+        except (struct.error, AttributeError, TypeError, ValueError, OverflowError) as error:
             raise CommandError(
                 f"This message does not fit into its bytes: {message}.", fix="send finite numbers of a motor's range."
             ) from error

@@ -47,7 +47,8 @@ def arms_of(vehicle: RoverVehicle, side: str) -> tuple[Arm, Arm]:
     """Return rocker and bogie of a side of a vehicle with a suspension."""
     hung = vehicle.suspension
     assert hung is not None
-    ours = [wheel for wheel in vehicle.wheels if wheel.side == side]
+    # Wheels of the chassis do not count: a caster in the middle would move the pivots of one side.
+    ours = [wheel for wheel in vehicle.wheels if wheel.side == side and wheel.hangs_on != "chassis"]
     y = ordered_sum(wheel.position_m[1] for wheel in ours) / len(ours)
     pivot = (hung.rocker_pivot_m[0], y, hung.rocker_pivot_m[1])
     bogie = (hung.bogie_pivot_m[0], y, hung.bogie_pivot_m[1])

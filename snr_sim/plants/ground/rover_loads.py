@@ -22,6 +22,7 @@ import numpy as np
 from snr_sim.plants.ground.rover_arms import SIDES, Arm, Place, arms_of, wheel_inertia_kgm2
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle, Wheel
 from snr_sim.plants.matrices import inverse, product
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import dot_product, ordered_sum
 
 Row = tuple[float, ...]  # a number for each wheel
@@ -84,7 +85,13 @@ class RoverLoads:
         if not arms:
             rows.append(turning)
         equations = np.array([row.loads for row in rows])
-        solution = product(equations.T, inverse(product(equations, equations.T)))
+        try:
+            solution = product(equations.T, inverse(product(equations, equations.T)))
+        except ParameterError as error:
+            raise ParameterError(
+                f"The wheels of the rover at {[wheel.position_m for wheel in vehicle.wheels]} do not hold it upright.",
+                fix="give wheels before and behind the center of mass and the pivots, on both sides.",
+            ) from error
         self._at_rest = [dot_product(one, (row.weight for row in rows)) for one in solution.tolist()]
         drives, sides = (
             product(solution, np.array(each)) for each in zip(*((r.drives, r.sides) for r in rows), strict=True)

@@ -131,6 +131,11 @@ class RoverVehicle(Record, who="The rover's "):
                     f"Wheel {wheel.name} hangs on a {wheel.hangs_on}, and the rover has no suspension.",
                     fix='give suspension=RockerBogie(...), or hangs_on="chassis".',
                 )
+        for side in ("left", "right") if self.suspension else ():
+            on_bogie = [wheel.name for wheel in self.wheels if (wheel.side, wheel.hangs_on) == (side, "bogie")]
+            check_valid(
+                len(on_bogie) > 0, f"The list of wheels of the {side} bogie", on_bogie, 'give one hangs_on="bogie".'
+            )
 
     @property
     def motor_wheels(self) -> tuple[Wheel, ...]:

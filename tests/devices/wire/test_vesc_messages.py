@@ -211,6 +211,7 @@ def test_vesc_encode_message_of_other_dialect_raises_command_error(dialect: Dial
           for value in (math.nan, math.inf, -math.inf, 1e9, None, "1")),
         ForwardCan(256, b""),
         Firmware(5, 3, "ü"),
+        Firmware(5, 3, b"60"),
         MotorValues(0.0, 0.0, math.nan, 0.0, 0.0, 0.0, 0.0, "none"),
         MotorValues(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, "tired"),
     ],
