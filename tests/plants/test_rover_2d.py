@@ -94,7 +94,7 @@ def test_neutral_brake_holds_up_to_its_torque() -> None:
         assert (rover.speed_mps < 0.01) == holds
 
 
-@pytest.mark.parametrize("degrees", [slow(0.0), 5.0])
+@pytest.mark.parametrize("degrees", [0.0, slow(5.0)])
 def test_slip_on_sand_is_that_in_mujoco(degrees: float) -> None:
     slips = []
     for body in (Rover, Rover2D):
