@@ -28,9 +28,8 @@ COUNT, LEG_M = 5, 24.0
 WITHIN_M = 3.0
 AT_REST_MPS = 0.02
 RELIEF_M, HILL_M, FIELD_M, SPACING_M = 0.1, 12.0, 130.0, 1.0
-GRAVEL = Coulomb(
-    0.6
-)  # Wong, Theory of Ground Vehicles, chapter 1; with more grip its motors hardly turn it on the spot
+# Wong, Theory of Ground Vehicles, chapter 1; with more grip its motors hardly turn it on the spot.
+GRAVEL = Coulomb(0.6)
 GPS_HZ = 10.0
 
 

@@ -11,6 +11,7 @@ its effective track is wider than the distance between the wheels (Wong, Theory 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from snr_sim.scenario import wrap_rad
 
@@ -68,6 +69,12 @@ def braked(
 
     wheels = zip(parameters.vehicle.motor_wheels, values, speeds, strict=True)
     return [stopping(speed) if wheel.side in sides else value for wheel, value, speed in wheels]
+
+
+def full_brake(parameters: RoverParameters) -> dict[str, Any]:
+    """Return the page "drive" that stops all wheels as hard as their motors can."""
+    vehicle = parameters.vehicle
+    return {"mode": "brake", "values": [vehicle.motor.limit_a] * len(vehicle.motor_wheels)}
 
 
 class HeadingLoop:

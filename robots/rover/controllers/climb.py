@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from snr_sim_robot_rover.drive import wheel_rates
+from snr_sim_robot_rover.drive import full_brake, wheel_rates
 from snr_sim_robot_rover.parameters import RoverParameters
 
 from snr_sim import Endpoint, EndpointFactory, SomeTasks, handles
 from snr_sim.scenario import RobotInfo, wrap_rad
-
-BRAKE_A = 6.0
 
 
 def factories(robot: RobotInfo) -> list[EndpointFactory]:
@@ -44,9 +42,7 @@ class Climb(Endpoint):
             self.heading_rad = imu["yaw_rad"]
         self.note_slope(-imu["pitch_rad"], imu["stamp_s"])
         if self.has_arrived:
-            return self.store_data_task(
-                "drive", {"mode": "brake", "values": [BRAKE_A] * len(self.parameters.vehicle.motor_wheels)}
-            )
+            return self.store_data_task("drive", full_brake(self.parameters))
         turn_radps = self.turn_per_s * wrap_rad(self.heading_rad - imu["yaw_rad"])
         rates = wheel_rates(self.parameters, self.speed_mps, turn_radps)
         return self.store_data_task("drive", {"mode": "speed", "values": rates})

@@ -15,7 +15,7 @@ import math
 from typing import Any
 
 from snr_sim_robot_rover.controls import Controls, controls_of
-from snr_sim_robot_rover.drive import HeadingLoop, braked, side_values, wheel_rates
+from snr_sim_robot_rover.drive import HeadingLoop, braked, full_brake, side_values, wheel_rates
 from snr_sim_robot_rover.odometry import Odometry
 from snr_sim_robot_rover.parameters import RoverParameters
 from snr_sim_robot_rover.sticks import arcade, curve, tank
@@ -94,10 +94,7 @@ class SticksDriver(Endpoint):
         mode, brakes = controls.mode, [side for side in ("left", "right") if getattr(controls, f"brake_{side}")]
         if len(brakes) == 2:
             self.heading.reset()
-            return {
-                "mode": "brake",
-                "values": [parameters.vehicle.motor.limit_a] * len(parameters.vehicle.motor_wheels),
-            }
+            return full_brake(parameters)
         sides = tank(controls.left, controls.right) if controls.left or controls.right else None
         turn_radps = curve(controls.turn) * parameters.limit_radps
         speed_mps = curve(controls.ahead) * parameters.limit_mps

@@ -11,15 +11,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from snr_sim_robot_rover.drive import wheel_rates
+from snr_sim_robot_rover.drive import full_brake, wheel_rates
 from snr_sim_robot_rover.navigation import Place, RouteFollower
 from snr_sim_robot_rover.odometry import Odometry
 from snr_sim_robot_rover.parameters import RoverParameters
 
 from snr_sim import Endpoint, EndpointFactory, SomeTasks, handles
 from snr_sim.scenario import RobotInfo
-
-BRAKE_A = 6.0
 
 
 def factories(robot: RobotInfo) -> list[EndpointFactory]:
@@ -59,7 +57,7 @@ class Navigator(Endpoint):
             (0.0, 0.0) if is_waiting else route.steer(place.position_m, place.heading_rad, odometry["speed_mps"])
         )
         if is_waiting or route.has_arrived:
-            drive = {"mode": "brake", "values": [BRAKE_A] * len(self.parameters.vehicle.motor_wheels)}
+            drive = full_brake(self.parameters)
         else:
             rates = wheel_rates(self.parameters, speed_mps, turn_radps, odometry["track_factor"])
             drive = {"mode": "speed", "values": rates}
