@@ -17,7 +17,7 @@ MAX_LINES = {
     "snr_sim/learning": 4030,
     "snr_sim/links": 5420,
     "snr_sim/plants": 10937,
-    "snr_sim/prelude": 2860,
+    "snr_sim/prelude": 2865,
     "snr_sim/recording": 4740,
     "snr_sim/scenario": 3905,
     "snr_sim/schemas": 120,

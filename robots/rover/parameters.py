@@ -10,6 +10,7 @@ from pathlib import Path
 from snr_sim.devices import GpsReceiver, InertialUnit, SensorErrors
 from snr_sim.links import LinkFaults
 from snr_sim.plants import RoverVehicle, read_rover
+from snr_sim.signals import NEUTRAL_BRAKE_A
 from snr_sim.teleop import Cue
 
 MOTOR_ERRORS = SensorErrors(
@@ -36,7 +37,7 @@ class RoverParameters:
     vehicle: RoverVehicle = field(default_factory=vehicle)
     erpm_per_rpm: float = 228.0  # turns of a motor's field in one of its wheel: 12 pole pairs, a gear of 19
     controller_erpm: float = 40_000.0  # the limit of the motors' controllers
-    neutral_a: float = 4.0  # of a brake without a command: holds until 25 degrees
+    neutral_a: float = NEUTRAL_BRAKE_A
     imu: InertialUnit = field(default_factory=InertialUnit)
     gps: GpsReceiver = field(default_factory=GpsReceiver)
     gps_hz: float = 0.0  # readings of the receiver, which reports 10 times a second; 0: there is none

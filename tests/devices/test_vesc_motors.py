@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from snr_sim.devices.emulated.emulated_vesc import BRAKE_A, ScriptedFault
+from snr_sim.devices.emulated.emulated_vesc import ScriptedFault
 from snr_sim.devices.emulated.vesc_plant import TICK_S, VescPlant
 from snr_sim.devices.motors.vesc_line import ANSWER_S, VescLine
 from snr_sim.devices.motors.vesc_motors import FRESH_S, VescMotors, VescSensor
 from snr_sim.devices.wire.vesc_messages import Firmware
 from snr_sim.prelude.errors import CommandError, DeviceError
-from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
+from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.testing.contracts import check_actuator, check_sensor
 from snr_sim.testing.fakes import FakePlant
@@ -44,7 +44,7 @@ class Bench:
         return VescLine(name, lambda: self.plant.open_port(name), lambda: self.plant.time_s, ERPM_PER_RPM)
 
     def motors(self) -> VescMotors:
-        return VescMotors(self.lines, LIMITS, BRAKE_A)
+        return VescMotors(self.lines, LIMITS, NEUTRAL_BRAKE_A)
 
     def sensors(self) -> list[VescSensor]:
         return [started(VescSensor(line)) for line in self.lines]
@@ -77,7 +77,7 @@ def test_vesc_sensor_passes_sensor_contract() -> None:
         (DriveCommand("duty", [0.57, -2.0]), [0.57, -1.0], [("duty", 0.57), ("duty", -1.0)]),
         (DriveCommand("brake", [5.0, -9.0]), [5.0, -6.0], [("brake", 5.0), ("brake", 6.0)]),
         (DriveCommand("off", [5.0, 99.0]), [5.0, 99.0], [("current", 0.0), ("current", 0.0)]),
-        (DriveCommand("speed"), [], [("brake", BRAKE_A), ("brake", BRAKE_A)]),
+        (DriveCommand("speed"), [], [("brake", NEUTRAL_BRAKE_A), ("brake", NEUTRAL_BRAKE_A)]),
     ],
     ids=lambda one: f"{one.mode} {one.values}" if isinstance(one, DriveCommand) else "",
 )
@@ -116,11 +116,11 @@ def test_motors_brake_until_active_and_after_their_end() -> None:
     motors = bench.motors()
     motors.configure()
     assert motors.write(DriveCommand("speed", [2.0, 2.0])) == DriveCommand("speed")
-    assert bench.do("motor_LF") == ("brake", BRAKE_A)
+    assert bench.do("motor_LF") == ("brake", NEUTRAL_BRAKE_A)
     motors.activate()
     motors.write(DriveCommand("speed", [2.0, 2.0]))
     motors.close()
-    assert bench.do("motor_RF") == ("brake", BRAKE_A)
+    assert bench.do("motor_RF") == ("brake", NEUTRAL_BRAKE_A)
     with pytest.raises(DeviceError, match="were closed"):
         motors.write(DriveCommand())
 
@@ -131,7 +131,7 @@ def test_motor_without_commands_brakes_by_its_controllers_timeout() -> None:
     bench.advance(TIMEOUT_S)
     assert bench.do("motor_LF")[0] == "speed"
     bench.advance(2 * TICK_S)
-    assert [bench.do(name) for name in NAMES] == [("brake", BRAKE_A)] * 2
+    assert [bench.do(name) for name in NAMES] == [("brake", NEUTRAL_BRAKE_A)] * 2
 
 
 def test_reading_is_that_of_the_motor_to_the_steps_of_its_bytes() -> None:

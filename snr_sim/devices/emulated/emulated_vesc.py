@@ -18,11 +18,10 @@ import msgspec
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.devices.wire.vesc_frames import VescFrames, encode
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.ground_signals import DriveMode, MotorReading
+from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveMode, MotorReading
 
 FaultKind: TypeAlias = Literal["mute", "garbage", "slow", "wrong_name", "brown_out", "motor"]
 
-BRAKE_A = 4.0  # of its timeout: holds a rover on slopes of up to 25 degrees
 _TEMPERATURE_C = 25.0  # nothing here warms up
 _CHIP_BYTES = 12
 _MODES: dict[type[Any], DriveMode] = {
@@ -98,7 +97,7 @@ class EmulatedVesc:
             self._has_values = True
         except DeviceError:
             self._has_values = False
-        self._command: tuple[DriveMode, float] = ("brake", BRAKE_A)
+        self._command: tuple[DriveMode, float] = ("brake", NEUTRAL_BRAKE_A)
         self._commanded_s = -math.inf
         self._applied: tuple[DriveMode, float] | None = None
         self._waiting: list[tuple[float, bytes]] = []  # answers, and when they leave
@@ -137,7 +136,7 @@ class EmulatedVesc:
         """Return what the motor does now."""
         if self._fault("brown_out", now_s) is not None or self._fault("motor", now_s) is not None:
             return "off", 0.0
-        return ("brake", BRAKE_A) if now_s - self._commanded_s > self._timeout_s else self._command
+        return ("brake", NEUTRAL_BRAKE_A) if now_s - self._commanded_s > self._timeout_s else self._command
 
     def _follow(self, message: vesc.VescMessage | None, now_s: float) -> vesc.VescMessage | None:
         """Act on a message; return the answer."""

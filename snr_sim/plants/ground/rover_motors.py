@@ -16,11 +16,10 @@ from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.outputs import PowerOutput
 from snr_sim.prelude.errors import PlantError, UnknownNameError, suggest
-from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
+from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 
 SAME_V = 0.02  # the motors' lines are computed again when the voltage has changed by more
 FREE_NM = 1e-9  # friction of an axle without any: MuJoCo has no row for one of 0
-NEUTRAL_BRAKE_A = 4.0  # holds until 25 degrees
 
 
 class Axles(Protocol):

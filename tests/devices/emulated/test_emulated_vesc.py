@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim.devices.emulated.emulated_vesc import BRAKE_A, EmulatedVesc, ScriptedFault
+from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc, ScriptedFault
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.devices.wire.vesc_frames import VescFrames, encode
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.ground_signals import DriveMode, MotorReading
+from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveMode, MotorReading
 
 ERPM_PER_RPM = 228.0
 STEP_S = 0.01
@@ -110,13 +110,13 @@ def test_emulated_vesc_follows_each_command(message: Any, command: tuple[str, fl
 
 def test_emulated_vesc_brakes_after_its_timeout_and_stops_the_wheel() -> None:
     bench = Bench().introduce()
-    assert bench.motor.commands == [("brake", BRAKE_A)]
+    assert bench.motor.commands == [("brake", NEUTRAL_BRAKE_A)]
     bench.send(vesc.SetCurrent(2.0))
     bench.wait(0.25)
     assert bench.motor.commands[-1] == ("current", 2.0)
     assert bench.motor.speed_radps > 5.0
     bench.wait(0.01)
-    assert bench.motor.commands[-1] == ("brake", BRAKE_A)
+    assert bench.motor.commands[-1] == ("brake", NEUTRAL_BRAKE_A)
     bench.wait(0.5)
     assert bench.motor.speed_radps == pytest.approx(0.0, abs=1e-9)
 
@@ -131,7 +131,7 @@ def test_emulated_vesc_questions_do_not_extend_the_timeout_as_alive_does() -> No
     for _ in range(3):
         bench.wait(0.1)
         bench.send(vesc.GetValues(), vesc.GetFirmware())
-    assert bench.motor.commands[-1] == ("brake", BRAKE_A)
+    assert bench.motor.commands[-1] == ("brake", NEUTRAL_BRAKE_A)
 
 
 def test_emulated_vesc_of_seed_dialect_answers_handshake() -> None:
@@ -201,7 +201,7 @@ def test_emulated_vesc_brown_out_frees_the_motor_and_forgets_the_command() -> No
     assert bench.motor.commands[-1] == ("off", 0.0)
     assert bench.send(vesc.SetCurrent(1.0), vesc.GetFirmware()) == []
     bench.wait(0.05)
-    assert bench.motor.commands[-1] == ("brake", BRAKE_A)
+    assert bench.motor.commands[-1] == ("brake", NEUTRAL_BRAKE_A)
     bench.send(vesc.SetCurrent(1.0))
     assert bench.motor.commands[-1] == ("current", 1.0)
 
@@ -221,7 +221,7 @@ def test_emulated_vesc_random_bytes_move_nothing_and_next_command_does() -> None
     for _ in range(200):
         bench.far.feed(chance.randbytes(200), bench.time_s)
         bench.time_s += STEP_S
-    assert bench.motor.commands == [("brake", BRAKE_A)]
+    assert bench.motor.commands == [("brake", NEUTRAL_BRAKE_A)]
     bench.time_s += 0.1  # a pause, as after any damaged stream
     bench.send(vesc.SetCurrent(1.0))
     assert bench.motor.commands[-1] == ("current", 1.0)
