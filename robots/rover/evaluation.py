@@ -34,9 +34,10 @@ class Mark(NamedTuple):
 
 
 class Tracked(Body):
-    """A rover whose course is recorded ten times a second; which rover is the other base of a subclass."""
+    """A rover whose course is recorded; which rover is the other base of a subclass."""
 
     course: list[Sample]
+    sample_s: float = SAMPLE_S  # between two samples
     marks: Sequence[Mark] = ()  # shown on the ground
 
     def scene(self) -> dict[str, Any]:
@@ -59,7 +60,7 @@ class Tracked(Body):
     def step(self, dt_s: float) -> None:
         """Advance, and record a sample when it is due."""
         super().step(dt_s)
-        if self.time_s >= len(self.course) * SAMPLE_S - 1e-9:
+        if self.time_s >= len(self.course) * self.sample_s - 1e-9:
             pose = self.read("pose")
             x, y, z = pose.position_m
             _, qx, qy, _ = pose.attitude

@@ -67,16 +67,81 @@ class Place:
             self.offset_rad += dt_s / OFFSET_S * wrap_rad(course_rad - self.heading_rad)
 
 
-class RouteFollower:
-    """Pure pursuit: drives to a point that runs ahead on the lines between the points of a route.
+class DeadReckoning:
+    """Position [m] and heading [rad] from the start, x ahead. The gyroscope's bias is measured while the rover stands.
+
+    Args:
+        stands_s: how long it stands first.
+    """
+
+    def __init__(self, stands_s: float) -> None:
+        self.position_m: Point = (0.0, 0.0)
+        self.heading_rad = 0.0
+        self._stands_s = stands_s
+        self._bias_radps, self._count = 0.0, 0
+        self._turned_s: float | None = None
+        self._moved_s: float | None = None
+
+    def turn(self, rate_radps: float, stamp_s: float) -> None:
+        """Take a rate of turning to the left."""
+        before_s, self._turned_s = self._turned_s, stamp_s
+        if stamp_s < self._stands_s:
+            self._count += 1
+            self._bias_radps += (rate_radps - self._bias_radps) / self._count
+        elif before_s is not None:
+            self.heading_rad = wrap_rad(self.heading_rad + (stamp_s - before_s) * (rate_radps - self._bias_radps))
+
+    def move(self, speed_mps: float, stamp_s: float) -> bool:
+        """Take a speed ahead; return whether it has stood for long enough to begin."""
+        before_s, self._moved_s = self._moved_s, stamp_s
+        if before_s is None or stamp_s < self._stands_s:
+            return False
+        way_m, (x, y) = (stamp_s - before_s) * speed_mps, self.position_m
+        self.position_m = x + way_m * math.cos(self.heading_rad), y + way_m * math.sin(self.heading_rad)
+        return True
+
+
+class Steering:
+    """Pure pursuit of a point.
 
     Source: Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01 (1992).
+
+    Args:
+        drives_mps: its speed while it drives.
     """
+
+    def __init__(self, drives_mps: float = SPEED_MPS) -> None:
+        self._drives_mps = drives_mps
+        self._spins = self._stands = False
+
+    def steer(self, off_rad: float, way_m: float, speed_mps: float) -> tuple[float, float]:
+        """Return speed ahead [m/s] and rate of turning to the left [rad/s].
+
+        A rover that still drives is stopped before it turns on the spot: with both sides at the limit of their motors,
+        one ahead and one astern, it would roll on for seconds.
+
+        Args:
+            off_rad: bearing of the point, to the left.
+            way_m: how far it is.
+            speed_mps: of the rover.
+        """
+        self._spins = abs(off_rad) > (SPIN_TO_RAD if self._spins else SPIN_FROM_RAD)
+        self._stands = self._spins and (self._stands or abs(speed_mps) < STANDS_MPS)
+        if self._spins and not self._stands:
+            return 0.0, 0.0
+        if self._spins:
+            return 0.0, min(SPIN_RADPS, max(-SPIN_RADPS, SPIN_PER_S * off_rad))
+        turn = 2.0 * self._drives_mps * math.sin(off_rad) / way_m
+        return self._drives_mps, min(TURN_RADPS, max(-TURN_RADPS, turn))
+
+
+class RouteFollower:
+    """Drives to a point that runs ahead on the lines between the points of a route."""
 
     def __init__(self, route: Sequence[Point], start_m: Point = (0.0, 0.0)) -> None:
         self._points = [start_m, *route]
         self.reached = 0  # points of the route that it has been at
-        self._spins = self._stands = False
+        self._steering = Steering()
 
     @property
     def has_arrived(self) -> bool:
@@ -90,25 +155,14 @@ class RouteFollower:
         return math.dist(*self._line) - self._along_m(position_m)
 
     def steer(self, position_m: Point, heading_rad: float, speed_mps: float) -> tuple[float, float]:
-        """Return speed ahead [m/s] and rate of turning to the left [rad/s]; (0, 0) at the end.
-
-        A rover that still drives is stopped before it turns on the spot: with both sides at the limit of their motors,
-        one ahead and one astern, it would roll on for seconds.
-        """
+        """Return speed ahead [m/s] and rate of turning to the left [rad/s]; (0, 0) at the end."""
         while not self.has_arrived and self.left_m(position_m) < REACHED_M:
             self.reached += 1
         if self.has_arrived:
             return 0.0, 0.0
         x, y = self._target(position_m)
         off = wrap_rad(math.atan2(y - position_m[1], x - position_m[0]) - heading_rad)
-        self._spins = abs(off) > (SPIN_TO_RAD if self._spins else SPIN_FROM_RAD)
-        self._stands = self._spins and (self._stands or abs(speed_mps) < STANDS_MPS)
-        if self._spins and not self._stands:
-            return 0.0, 0.0
-        if self._spins:
-            return 0.0, min(SPIN_RADPS, max(-SPIN_RADPS, SPIN_PER_S * off))
-        turn = 2.0 * SPEED_MPS * math.sin(off) / math.dist((x, y), position_m)
-        return SPEED_MPS, min(TURN_RADPS, max(-TURN_RADPS, turn))
+        return self._steering.steer(off, math.dist((x, y), position_m), speed_mps)
 
     @property
     def _line(self) -> tuple[Point, Point]:

@@ -1,7 +1,7 @@
 """Where the rover is, from how far its wheels have turned and where it looks. What slips, it does not know.
 
 pages "motor_..." and "imu" --> Odometry --> page "odometry": position_m [x, y] from the start, x to the east, yaw_rad,
-                                             speed_mps, way_m, track_factor, stamp_s
+page "motor_faults" ------------'                             speed_mps, way_m, track_factor, stamp_s
 
 Turning is not taken from the wheels, which slide sideways then, but from the inertial unit. The two together tell by
 how much: `track_factor` is the effective track over the distance of the wheels (`drive.py`), learned in curves.
@@ -10,7 +10,7 @@ how much: `track_factor` is the effective track over the distance of the wheels 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
@@ -33,7 +33,7 @@ class WheelOdometry:
         self._left = [i for i, wheel in enumerate(wheels) if wheel.side == "left"]
         self._right = [i for i, wheel in enumerate(wheels) if wheel.side == "right"]
         self._track_m = 2.0 * ordered_sum(abs(wheel.position_m[1]) for wheel in wheels) / len(wheels)
-        self._before: tuple[tuple[float, ...], float, float] | None = None
+        self._before: tuple[tuple[float | None, ...], float, float] | None = None
         self._squares = FIRST_WEIGHT
         self._products = FIRST_WEIGHT * EFFECTIVE_TRACK
         self.position_m: tuple[float, float] = (0.0, 0.0)
@@ -45,45 +45,62 @@ class WheelOdometry:
         """Effective track over the distance of the wheels, as learned so far."""
         return self._products / self._squares
 
-    def update(self, turned_rad: Sequence[float], yaw_rad: float, pitch_rad: float, stamp_s: float) -> None:
-        """Take how far each wheel has turned since the start, and the attitude at that time."""
+    def update(self, turned_rad: Sequence[float | None], yaw_rad: float, pitch_rad: float, stamp_s: float) -> None:
+        """Take how far each wheel has turned since the start, None if unknown, and the attitude at that time."""
         before, self._before = self._before, (tuple(turned_rad), yaw_rad, stamp_s)
         if before is None or stamp_s <= before[2]:
             return
         ways = [
-            rolling * (now - then) for rolling, now, then in zip(self._rolling_m, turned_rad, before[0], strict=True)
+            None if now is None or then is None else rolling * (now - then)
+            for rolling, now, then in zip(self._rolling_m, turned_rad, before[0], strict=True)
         ]
-        left, right = (ordered_sum(ways[i] for i in side) / len(side) for side in (self._left, self._right))
         turn = wrap_rad(yaw_rad - before[1])
-        ahead, heading = 0.5 * (left + right), before[1] + 0.5 * turn
+        left, right = _mean([ways[i] for i in self._left]), _mean([ways[i] for i in self._right])
+        half = 0.5 * self.track_factor * self._track_m * turn  # what a side rolls less or more than the middle
+        if left is None or right is None:
+            ahead = left + half if left is not None else right - half if right is not None else 0.0
+        else:
+            ahead = 0.5 * (left + right)
+            if abs(turn) > MIN_TURN_RAD:
+                self._squares = KEPT * self._squares + turn * turn
+                self._products = KEPT * self._products + turn * (right - left) / self._track_m
+        heading = before[1] + 0.5 * turn
         level = ahead * math.cos(pitch_rad)
         x, y = self.position_m
         self.position_m = x + level * math.cos(heading), y + level * math.sin(heading)
         self.way_m += abs(ahead)
         self.speed_mps = ahead / (stamp_s - before[2])
-        if abs(turn) > MIN_TURN_RAD:
-            self._squares = KEPT * self._squares + turn * turn
-            self._products = KEPT * self._products + turn * (right - left) / self._track_m
+
+
+def _mean(ways: Sequence[float | None]) -> float | None:
+    known = [way for way in ways if way is not None]
+    return ordered_sum(known) / len(known) if known else None
 
 
 class Odometry(Endpoint):
     """Answers the last motor's reading of a round with where the rover is."""
 
     parameters: RoverParameters
+    is_watched: bool = False  # whether a MotorWatch runs
 
     def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.keys = [f"motor_{wheel.name}" for wheel in self.parameters.vehicle.motor_wheels]
         self.odometry = WheelOdometry(self.parameters)
-        self.task_handlers = {(TaskType.process_data, self.keys[-1]): self.on_motors}
+        self.task_handlers = {(TaskType.process_data, key): self.on_motor for key in self.keys}
 
-    def on_motors(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Take a round of readings."""
-        imu, motors = self.get_data("imu"), [self.get_data(key) for key in self.keys]
+    def on_motor(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Take a round of readings, with its last one."""
+        imu, motors, broken = self.get_data("imu"), [self.get_data(key) for key in self.keys], self.broken()
+        if task.name != next((key for key in reversed(self.keys) if key not in broken), ""):
+            return None
         if imu is None or None in motors:
             return None
-        odometry, stamp_s = self.odometry, motors[-1]["stamp_s"]
-        odometry.update([motor["turned_rad"] for motor in motors], imu["yaw_rad"], imu["pitch_rad"], stamp_s)
+        odometry, stamp_s = self.odometry, task.page.data["stamp_s"]
+        turned_rad = [
+            None if key in broken else motor["turned_rad"] for key, motor in zip(self.keys, motors, strict=True)
+        ]
+        odometry.update(turned_rad, imu["yaw_rad"], imu["pitch_rad"], stamp_s)
         page: dict[str, Any] = {
             "position_m": list(odometry.position_m),
             "yaw_rad": imu["yaw_rad"],
@@ -93,3 +110,8 @@ class Odometry(Endpoint):
             "stamp_s": stamp_s,
         }
         return self.store_data_task("odometry", page)
+
+    def broken(self) -> Collection[str]:
+        """Return the names of the motors that were found broken."""
+        faults = self.get_data("motor_faults") if self.is_watched else None
+        return () if faults is None else faults["faults"]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from snr_sim.devices import GpsReceiver, InertialUnit, SensorErrors
+from snr_sim.devices import GpsReceiver, InertialUnit, Lidar, SensorErrors
 from snr_sim.links import LinkFaults
 from snr_sim.plants import RoverVehicle, read_rover
 from snr_sim.signals import NEUTRAL_BRAKE_A
@@ -42,6 +42,12 @@ class RoverParameters:
     gps: GpsReceiver = field(default_factory=GpsReceiver)
     gps_hz: float = 0.0  # readings of the receiver, which reports 10 times a second; 0: there is none
     route: tuple[tuple[float, float], ...] = ()  # latitude and longitude of way points [degrees]
+    lidar: Lidar = field(
+        default_factory=lambda: Lidar(181, math.radians(358.0), 8.0, 0.02, 0.1, (0.0, 0.0, 0.4))
+    )  # [O]
+    scan_hz: float = 0.0  # readings of the lidar; 0: there is none
+    goal_m: tuple[float, float] = (0.0, 0.0)  # x ahead of the start, y to the left
+    stands_s: float = 3.0  # at the start, while the bias of the gyroscope is measured
     script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person; empty: there is no pilot
     command_hz: float = 20.0  # how often the surface sends controls [O]
     # Wi-Fi outdoors within a few hundred meters [O].
@@ -51,7 +57,7 @@ class RoverParameters:
     imu_hz: float = 50.0  # [O]
     power_hz: float = 2.0  # [O]
     drive_hz: float = 50.0  # how often a command is written [O]
-    drive_timeout_s: float = 0.25  # a command older than this is a brake [O]
+    drive_timeout_s: float = 0.2  # a command older than this is a brake: of 20 a second, three may be lost [O]
     limit_mps: float = 1.5  # speed of a full stick; its motors can 2 [O]
     limit_radps: float = 0.25 * math.pi  # rate of turning of a full stick [O]
     tyre_m: float = 0.0045  # the rolling radius is that much less: half of what the load presses in (PHYSICS.md)

@@ -9,6 +9,7 @@
               snr_sim/prelude/ground_signals.py; LF is left front, then LM, LB, RF, RM, RB
     imu       rate_radps, specific_force_mps2, roll_rad, pitch_rad (positive: the nose goes down), yaw_rad, stamp_s
     gps       latitude_deg, longitude_deg, speed_mps, course_rad, stamp_s; where parameters.gps_hz is not 0
+    scan      ranges_m, angles_rad (0 ahead, positive to the left), stamp_s; where parameters.scan_hz is not 0
     power     voltage_v, current_a, stamp_s
     drive     mode ("speed", "current", "duty", "brake" or "off") and values, one for each wheel in the order above:
               rad/s, A, -1 to 1, or A
@@ -16,7 +17,7 @@
               controllers that need them (odometry.py, controllers/sticks.py)
 
 With `--io emulated` each motor has an emulated VESC controller, driven and read by the bytes of its serial line. A
-command older than a quarter of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
+command older than a fifth of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
 down a slope. Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
 """
 
@@ -83,6 +84,12 @@ def sim_imu(context: RobotContext) -> SimSensor:
 def sim_gps(context: RobotContext) -> SimSensor:
     """Open the simulated satellite receiver."""
     sensor: SimSensor = context.robot.parameters.gps.simulated(context.plant, "pose", context.rng("gps"))
+    return sensor
+
+
+def sim_scan(context: RobotContext) -> SimSensor:
+    """Open the simulated lidar."""
+    sensor: SimSensor = context.robot.parameters.lidar.simulated(context.plant, "pose", context.rng("scan"))
     return sensor
 
 
@@ -164,6 +171,8 @@ def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, lis
     sensors.append(SensorLoopFactory("power", power, parameters.power_hz))
     if parameters.gps_hz:
         sensors.append(SensorLoopFactory("gps", partial(sim_gps, context), parameters.gps_hz))
+    if parameters.scan_hz:
+        sensors.append(SensorLoopFactory("scan", partial(sim_scan, context), parameters.scan_hz))
     motors = ActuatorLoopFactory(
         "drive", partial(devices["drive"], context), parameters.drive_hz, parameters.drive_timeout_s
     )

@@ -296,7 +296,7 @@ class SimSensor(LifeCycle):
         self.title: str = f"The simulated sensor '{output}'"
 
     def read(self) -> Any:
-        """Return the newest reading.
+        """Return the newest reading, or Stale if the plant has none.
 
         Raises:
             SensorLostError: the sensor was closed.
@@ -313,6 +313,8 @@ class SimSensor(LifeCycle):
 
     def _new_reading(self) -> Any:
         reading = self._plant.read(self._output)
+        if type(reading) is Stale:  # the part is broken
+            return reading
         if self._delay_s > 0.0:
             reading = self._apply_delay(reading)
         if self._measure is not None:

@@ -17,6 +17,7 @@ import msgspec
 
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.devices.wire.vesc_frames import VescFrames, encode
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveMode, MotorReading
 
@@ -40,8 +41,8 @@ class DrivenMotor(Protocol):
         """Do this from now on; `DriveCommand` has the modes and their units."""
         ...
 
-    def read(self) -> MotorReading:
-        """Return its state."""
+    def read(self) -> MotorReading | Stale:
+        """Return its state; stale if its controller is broken, so that it does not answer."""
         ...
 
 
@@ -153,15 +154,17 @@ class EmulatedVesc:
         elif isinstance(message, vesc.Subscription):
             return vesc.Subscription(name)
         elif isinstance(message, vesc.GetRotorPosition):
-            return vesc.RotorPosition(math.remainder(self._motor.read().turned_rad, 2.0 * math.pi))
+            reading = self._motor.read()
+            return None if isinstance(reading, Stale) else vesc.RotorPosition(_angle(reading.turned_rad))
         elif isinstance(message, vesc.GetValues) and self._has_values:
-            return self._values(now_s)
+            reading = self._motor.read()
+            return None if isinstance(reading, Stale) else self._values(reading, now_s)
         else:
             self.ignored += 1
         return None
 
-    def _values(self, now_s: float) -> vesc.MotorValues:
-        reading, fault = self._motor.read(), self._fault("motor", now_s)
+    def _values(self, reading: MotorReading, now_s: float) -> vesc.MotorValues:
+        fault = self._fault("motor", now_s)
         return vesc.MotorValues(
             current_a=reading.current_a,
             battery_a=reading.battery_a,
@@ -172,3 +175,7 @@ class EmulatedVesc:
             temperature_c=_TEMPERATURE_C,
             fault=fault.text if fault else "none",
         )
+
+
+def _angle(turned_rad: float) -> float:
+    return math.remainder(turned_rad, 2.0 * math.pi)

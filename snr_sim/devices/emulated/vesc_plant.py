@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc, ScriptedFault
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, PlantError
 from snr_sim.prelude.ground_signals import DriveCommand, DriveMode, MotorReading
 from snr_sim.prelude.plant import Plant
@@ -140,7 +141,7 @@ class _PlantMotor:
         """Do this from now on."""
         self._plant.write(self._name, DriveCommand(mode, [value]))
 
-    def read(self) -> MotorReading:
-        """Return its state."""
-        reading: MotorReading = self._plant.read(self._name)
+    def read(self) -> MotorReading | Stale:
+        """Return its state, or what the plant has instead."""
+        reading: MotorReading | Stale = self._plant.read(self._name)
         return reading

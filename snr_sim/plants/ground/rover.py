@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from snr_sim.plants.ground.height_map import PLACE_M, HeightMap
+from snr_sim.plants.ground.motor_faults import MotorFault
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_instruments import RoverInstruments
 from snr_sim.plants.ground.rover_mjcf import rover_mjcf
@@ -44,11 +45,13 @@ class RoverStart(Record, who="The rover's start's "):
         position_m: x and y.
         heading_rad: from east to north.
         charge: of the battery.
+        faults: motors that break in the run.
     """
 
     position_m: Annotated[tuple[float, float], PLACE_M, ("x", "y")] = (0.0, 0.0)
     heading_rad: Annotated[float, LIMITS["angle_rad"]] = 0.0
     charge: Annotated[float, LIMITS["share"]] = 1.0
+    faults: Annotated[tuple[MotorFault, ...], "MotorFault(6.0, 'LF')"] = ()
 
 
 def checked_soil(vehicle: RoverVehicle, ground: HeightMap, soil: Ground | SoilAt | None, step_s: float) -> SoilAt:
@@ -145,7 +148,7 @@ class Rover:
         self._press()
         self._settle()
         self.contacts.reset()
-        self.motors.reset(start.charge)
+        self.motors.reset(start.charge, start.faults)
         self.motors.neutral()
 
     def _stand(self, start: RoverStart) -> None:
@@ -207,6 +210,8 @@ class Rover:
         rates = self._advance()
         self.motors.draw(rates, step_s)
         self.steps += 1
+        if self.steps * step_s >= self.motors.faults.next_s:
+            self.motors.break_due(self.time_s)
 
     def _advance(self) -> list[float]:
         """Advance ground, motors and bodies by a step; return the rates of the motors' wheels before it."""

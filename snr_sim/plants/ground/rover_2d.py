@@ -98,7 +98,7 @@ class Rover2D:
         (x, y), heading = start.position_m, start.heading_rad
         (ahead, left), cos, sin = self._loads.center_m, math.cos(heading), math.sin(heading)
         none = (0.0,) * len(self.vehicle.wheels)
-        self.motors.reset(start.charge)
+        self.motors.reset(start.charge, start.faults)
         self.motors.neutral()
         self._friction.restore(none)
         self._contacts.restart()
@@ -166,6 +166,8 @@ class Rover2D:
             steps=old.steps + 1,
         )
         self.motors.draw(rates, step_s)
+        if self.time_s >= self.motors.faults.next_s:
+            self.motors.break_due(self.time_s)
 
     def _drive(self, state: PlanarState) -> PlanarState:
         """Return speeds, rates and forces after a step with gravity, motors and friction, without obstacles."""

@@ -19,6 +19,7 @@ from snr_sim.plants.ground.traction import GRAVITY_MPS2
 from snr_sim.plants.ground.wall_contacts import Speeds
 from snr_sim.plants.ground.wheel_contacts import quaternion_to
 from snr_sim.plants.outputs import FIELD_UT, ImuOutput, PoseOutput
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.ground_signals import MotorReading
 
 Row = tuple[float, ...]  # a number for each wheel
@@ -66,7 +67,7 @@ class PlanarInstruments:
         }
         return {**motors, "imu": self._imu, "pose": self._pose, "power": self._power}
 
-    def _motor(self, motor: int, wheel: int, state: PlanarState) -> MotorReading:
+    def _motor(self, motor: int, wheel: int, state: PlanarState) -> MotorReading | Stale:
         return self._motors.reading(motor, state.rates[wheel], state.turned_rad[wheel], self._time_s(state))
 
     def _power(self, state: PlanarState) -> Any:

@@ -14,6 +14,7 @@ from snr_sim.plants.ground.wheel_contacts import WheelContacts
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.outputs import FIELD_UT, ImuOutput, PoseOutput, PowerOutput
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.ground_signals import MotorReading
 
 
@@ -37,7 +38,7 @@ class RoverInstruments:
         motors = {f"motor_{wheel.name}": partial(self._motor, i) for i, wheel in enumerate(self._vehicle.motor_wheels)}
         return {**motors, "imu": self._imu, "pose": self._pose, "power": self._power}
 
-    def _motor(self, i: int, time_s: float) -> MotorReading:
+    def _motor(self, i: int, time_s: float) -> MotorReading | Stale:
         rate, turned = float(self._data.qvel[self._rates[i]]), float(self._data.qpos[self._angles[i]])
         return self._motors.reading(i, rate, turned, time_s)
 

@@ -12,9 +12,11 @@ from typing import Any, Protocol
 
 from snr_sim.plants.battery import Battery
 from snr_sim.plants.ground.dc_motor import MODES, Drive
+from snr_sim.plants.ground.motor_faults import MotorFault, MotorFaults
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.outputs import PowerOutput
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import PlantError, UnknownNameError, suggest
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 
@@ -71,6 +73,7 @@ class RoverMotors:
 
     Attributes:
         inputs: of the plant: "drive" for all motors, and "motor_<wheel>" for each alone.
+        faults: motors that break.
     """
 
     def __init__(self, vehicle: RoverVehicle, axles: Axles) -> None:
@@ -85,8 +88,9 @@ class RoverMotors:
         self._full_range = [(-limit_nm, limit_nm)] * self._count
         self.reset(1.0)
 
-    def reset(self, charge: float) -> None:
-        """Begin with motors off and a charge of the battery."""
+    def reset(self, charge: float, faults: Sequence[MotorFault] = ()) -> None:
+        """Begin with motors off, a charge of the battery, and motors that will break."""
+        self.faults: MotorFaults = MotorFaults(faults, [wheel.name for wheel in self._vehicle.motor_wheels])
         self.battery: Battery = Battery(self._vehicle.battery, charge)
         self._voltage_v = self._line_v = self.battery.voltage_v(self._vehicle.electronics_a)
         self.current_a: float = self._vehicle.electronics_a  # out of the battery
@@ -131,11 +135,17 @@ class RoverMotors:
 
     def _set_lines(self) -> None:
         motor, voltage_v = self._motor, self._line_v
-        self._axles.set_drives([motor.drive(mode, value, voltage_v) for mode, value in self._commands])
+        drives = [motor.drive(mode, value, voltage_v) for mode, value in self._commands]
+        self._axles.set_drives(self.faults.apply(drives))
         self._axles.set_limits(self._full_range)
         self._is_limited = False
         # Below this rate the voltage allows the whole current, in both directions.
         self._free_radps = max(0.0, voltage_v - SAME_V - motor.limit_a * motor.resistance_ohm) / motor.v_per_radps
+
+    def break_due(self, time_s: float) -> None:
+        """Break the motors that are to be broken by now."""
+        self.faults.advance(time_s)
+        self._set_lines()
 
     def limit(self, rates: Sequence[float]) -> None:
         """Limit the torques of the next step to what the voltage allows at these rates."""
@@ -170,8 +180,10 @@ class RoverMotors:
         """Voltage of the battery under the last load."""
         return self._voltage_v
 
-    def reading(self, motor_index: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading:
+    def reading(self, motor_index: int, rate_radps: float, turned_rad: float, time_s: float) -> MotorReading | Stale:
         """Return the state of a motor; its current is that of the last step."""
+        if self.faults.broken.get(motor_index) == "silent":
+            return Stale("The motor's controller sends nothing. Does it have power?")
         motor, supply_v = self._motor, self._voltage_v
         current_a = self._axles.torques_nm()[motor_index] / motor.nm_per_a
         volts = current_a * motor.resistance_ohm + rate_radps * motor.v_per_radps
@@ -185,11 +197,13 @@ class RoverMotors:
 
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that the engine's does not hold."""
-        return tuple(self._commands), self._voltage_v, self._line_v, self.current_a, self.battery.snapshot()
+        voltages = self._voltage_v, self._line_v
+        return tuple(self._commands), *voltages, self.current_a, self.battery.snapshot(), self.faults.snapshot()
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Put back what `snapshot` returned."""
-        commands, self._voltage_v, self._line_v, self.current_a, battery = snapshot
+        commands, self._voltage_v, self._line_v, self.current_a, battery, faults = snapshot
         self._commands = list(commands)
+        self.faults.restore(faults)
         self.battery.restore(battery)
         self._set_lines()
