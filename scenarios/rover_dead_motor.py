@@ -76,6 +76,7 @@ def metrics(plant: Tracked, seed: int) -> dict[str, Any]:
     return {
         "motor": fault.motor,
         "fault": fault.fault,
+        "broke_s": fault.at_s,
         "off_m": max((abs(sample.position_m[1]) for sample in plant.course), default=0.0),
         "way_m": since[-1].position_m[0] - since[0].position_m[0] if since else 0.0,
         "time_s": plant.time_s,

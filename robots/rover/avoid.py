@@ -17,7 +17,8 @@ NARROW_M, WIDE_M = 0.65, 0.9  # half of the lane: half of the rover, 0.45, and w
 LOOK_M = 3.0
 TRIED_RAD = math.radians(4.0)
 TRIED = tuple(i * TRIED_RAD for i in range(-30, 31))
-SWAY = 0.4  # how much worse it is to change one's mind than to drive off the goal
+SWAY = 0.4  # how much a radian off the last heading counts, of one off the goal
+NARROW = 0.5  # how many radians a narrow lane is worse than a wide one
 
 Point = tuple[float, float]
 
@@ -44,11 +45,12 @@ def free_heading(points: Sequence[Point], goal_rad: float, goal_m: float, before
     """
     look_m = min(LOOK_M, goal_m)
     near = [point for point in points if math.hypot(*point) < look_m + WIDE_M + BEHIND_M]
-    costs = sorted(
-        (abs(heading - goal_rad) + SWAY * abs(heading - before_rad), heading) for heading in (goal_rad, *TRIED)
-    )
-    for half_m in (WIDE_M, NARROW_M):
-        for _, heading in costs:
-            if is_free(near, heading, half_m, look_m):
-                return heading
+    tried = [
+        (cost + abs(heading - goal_rad) + SWAY * abs(heading - before_rad), heading, half_m)
+        for half_m, cost in ((WIDE_M, 0.0), (NARROW_M, NARROW))
+        for heading in (goal_rad, *TRIED)
+    ]
+    for _, heading, half_m in sorted(tried):
+        if is_free(near, heading, half_m, look_m):
+            return heading
     return None

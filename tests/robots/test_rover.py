@@ -171,7 +171,16 @@ def test_script_drives_through_three_gates_and_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly(minutes=20)
-@pytest.mark.parametrize("scenario", ["rover_waypoints", "rover_teleop"])
-def test_rover_succeeds_with_every_seed(scenario: str) -> None:
-    results = [run(seed=seed, scenario=scenario)[0] for seed in range(100)]
+@pytest.mark.parametrize(
+    ("scenario", "engine"),
+    [
+        ("rover_waypoints", "mujoco"),
+        ("rover_teleop", "mujoco"),
+        ("rover_lost_link", "pymunk"),
+        ("rover_dead_motor", "pymunk"),
+        ("rover_obstacle", "pymunk"),
+    ],
+)
+def test_rover_succeeds_with_every_seed(scenario: str, engine: str) -> None:
+    results = [run(seed=seed, scenario=scenario, engine=engine)[0] for seed in range(100)]
     assert [(one.outcome, one.error, one.notes) for one in results if not one.success] == []

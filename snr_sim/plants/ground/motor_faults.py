@@ -12,7 +12,7 @@ from snr_sim.prelude.errors import ParameterError, suggest
 
 MotorFaultKind: TypeAlias = Literal["dead", "drags", "silent"]
 FAULTS: tuple[str, ...] = get_args(MotorFaultKind)
-DRAG_NM = 10.0  # more than a motor of these rovers can: the wheel is locked, or nearly so
+DRAG_NM = 15.0  # more than its motor and the ground together can: the wheel is locked
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ class RoverStart(Record, who="The rover's start's "):
     position_m: Annotated[tuple[float, float], PLACE_M, ("x", "y")] = (0.0, 0.0)
     heading_rad: Annotated[float, LIMITS["angle_rad"]] = 0.0
     charge: Annotated[float, LIMITS["share"]] = 1.0
-    faults: Annotated[tuple[MotorFault, ...], "MotorFault(6.0, 'LF')"] = ()
+    faults: Annotated[tuple[MotorFault, ...], "MotorFault(...)"] = ()
 
 
 def checked_soil(vehicle: RoverVehicle, ground: HeightMap, soil: Ground | SoilAt | None, step_s: float) -> SoilAt:
