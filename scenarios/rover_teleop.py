@@ -74,13 +74,21 @@ def plant(seed: int, engine: str) -> Tracked:
 
 
 def passed_gates(plant: Tracked) -> list[int]:
-    """Return the numbers of the gates that it went through, in this order; those on the way back are negative."""
-    passed, places = [], gates(plant.seed)
+    """Return the numbers of the gates that it went through, in this order; those on the way back are negative.
+
+    One that it drove back through at once does not count, unless it is the last one, where it is to turn.
+    """
+    passed: list[int] = []
+    places = gates(plant.seed)
     for before, after in pairwise(plant.course):
         for i, (x, y) in enumerate(places):
             was, now = before.position_m[0] - x, after.position_m[0] - x
             if (was < 0.0) != (now < 0.0) and abs(after.position_m[1] - y) < HALF_WIDTH_M:
-                passed.append(i + 1 if now >= 0.0 else -i - 1)
+                through = i + 1 if now >= 0.0 else -i - 1
+                if passed and passed[-1] == -through != GATES:
+                    passed.pop()
+                else:
+                    passed.append(through)
     return passed
 
 
