@@ -19,7 +19,7 @@ from snr_sim.scenario import Verdict, rng_for
 ROBOT = "rover"
 ROLES = ("rover",)
 ENGINES = ("mujoco", "pymunk")
-CONTROLLER = "straight"
+CONTROLLER = "reckoning"
 TIME_LIMIT_S = 60.0
 
 FIELD_M, SPACING_M = 100.0, 5.0
@@ -38,7 +38,7 @@ def start(seed: int) -> RoverStart:
 
 def parameters(seed: int) -> RoverParameters:
     """Return the parameters for the controller."""
-    return RoverParameters()
+    return RoverParameters(points_m=((0.5 * FIELD_M - SPACING_M, 0.0),))
 
 
 def plant(seed: int, engine: str) -> Tracked:

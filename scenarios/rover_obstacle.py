@@ -55,7 +55,7 @@ def apart_m(one: Ledge, other: Ledge) -> float:
 
 def parameters(seed: int) -> RoverParameters:
     """Return the parameters for the controller."""
-    return RoverParameters(scan_hz=SCAN_HZ, goal_m=GOAL_M)
+    return RoverParameters(scan_hz=SCAN_HZ, points_m=(GOAL_M,))
 
 
 def plant(seed: int, engine: str) -> Tracked:

@@ -7,11 +7,10 @@ at the last one within three minutes. Every seed is another round, other hills a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_rover.evaluation import BODIES, Mark, Sample, Tracked, way_m
+from snr_sim_robot_rover.evaluation import BODIES, Mark, Tracked, nearest_m, way_m
 from snr_sim_robot_rover.parameters import RoverParameters, vehicle
 
 from snr_sim.plants import Coulomb, HeightMap, RoverStart, make_hills
@@ -70,16 +69,6 @@ def plant(seed: int, engine: str) -> Tracked:
     return rover
 
 
-def nearest_m(course: Sequence[Sample], seed: int) -> list[float]:
-    """Return how near the course came to each way point, after it had been at those before."""
-    nearest, rest = [], list(course)
-    for point in points(seed) if course else ():
-        gaps = [math.dist(sample.position_m[:2], point) for sample in rest]
-        nearest.append(min(gaps))
-        rest = rest[next((i for i, gap in enumerate(gaps) if gap <= WITHIN_M), 0) :]
-    return nearest
-
-
 def verdict(plant: Tracked) -> Verdict | None:
     """Return how it ended, or None while it drives."""
     if plant.has_tipped_over:
@@ -88,7 +77,11 @@ def verdict(plant: Tracked) -> Verdict | None:
     is_over, is_done = plant.time_s >= END_S - 1e-6, is_at_end and plant.speed_mps <= AT_REST_MPS
     if not (is_over or is_done):
         return None
-    missed = [f"{i + 1} by {gap:.1f} m" for i, gap in enumerate(nearest_m(plant.course, plant.seed)) if gap > WITHIN_M]
+    missed = [
+        f"{i + 1} by {gap:.1f} m"
+        for i, gap in enumerate(nearest_m(plant.course, points(plant.seed), WITHIN_M))
+        if gap > WITHIN_M
+    ]
     if not missed and is_done:
         return Verdict("arrived", True)
     if not is_over:
@@ -101,7 +94,7 @@ def verdict(plant: Tracked) -> Verdict | None:
 def metrics(plant: Tracked, seed: int) -> dict[str, Any]:
     """Return how near it came to each way point, how far and how long it drove, and what it took."""
     return {
-        "nearest_m": nearest_m(plant.course, seed),
+        "nearest_m": nearest_m(plant.course, points(seed), WITHIN_M),
         "way_m": way_m(plant.course),
         "time_s": plant.time_s,
         "energy_j": plant.motors.battery.energy_j,

@@ -93,3 +93,13 @@ def way_m(course: list[Sample]) -> float:
     """Return the length of a course over the ground."""
     places = [sample.position_m for sample in course]
     return math.fsum(math.dist(one, other) for one, other in pairwise(places))
+
+
+def nearest_m(course: Sequence[Sample], points: Sequence[tuple[float, float]], within_m: float) -> list[float]:
+    """Return how near a course came to each point, after it had been within a distance of those before."""
+    nearest, rest = [], list(course)
+    for point in points if course else ():
+        gaps = [math.dist(sample.position_m[:2], point) for sample in rest]
+        nearest.append(min(gaps))
+        rest = rest[next((i for i, gap in enumerate(gaps) if gap <= within_m), 0) :]
+    return nearest

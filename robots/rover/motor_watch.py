@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from snr_sim import Endpoint, SomeTasks, handles
+from snr_sim import Endpoint, SomeTasks, Task, handles
 
 from .parameters import RoverParameters
 
@@ -80,10 +80,11 @@ class MotorWatch(Endpoint):
 
     parameters: RoverParameters
 
-    def begin(self) -> None:
+    def begin(self) -> SomeTasks:
         """Begin with all motors whole."""
         self.keys: Sequence[str] = [f"motor_{wheel.name}" for wheel in self.parameters.vehicle.motor_wheels]
         self.judge = MotorJudge(self.parameters.vehicle.motor.limit_a)
+        return self.faults_task()
 
     @handles("imu")
     def on_imu(self, imu: dict[str, Any]) -> SomeTasks:
@@ -95,4 +96,8 @@ class MotorWatch(Endpoint):
         asked = dict(zip(self.keys, drive["values"], strict=True)) if is_asked else {}
         if not self.judge.judge(self.get_time_s(), asked, motors, ages_s):
             return None
+        return self.faults_task()
+
+    def faults_task(self) -> Task:
+        """Return what stores the faults found so far."""
         return self.store_data_task("motor_faults", {"faults": dict(self.judge.faults)})

@@ -87,9 +87,10 @@ class Odometry(Endpoint):
         super().__init__(factory, parent, name)
         self.keys = [f"motor_{wheel.name}" for wheel in self.parameters.vehicle.motor_wheels]
         self.odometry = WheelOdometry(self.parameters)
-        self.task_handlers = {(TaskType.process_data, key): self.on_motor for key in self.keys}
+        last = self.keys if self.is_watched else self.keys[-1:]  # the last one may fall silent
+        self.task_handlers = {(TaskType.process_data, key): self.on_motors for key in last}
 
-    def on_motor(self, task: Task, task_id: TaskId) -> SomeTasks:
+    def on_motors(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Take a round of readings, with its last one."""
         imu, motors, broken = self.get_data("imu"), [self.get_data(key) for key in self.keys], self.broken()
         if task.name != next((key for key in reversed(self.keys) if key not in broken), ""):
@@ -113,5 +114,5 @@ class Odometry(Endpoint):
 
     def broken(self) -> Collection[str]:
         """Return the names of the motors that were found broken."""
-        faults = self.get_data("motor_faults") if self.is_watched else None
-        return () if faults is None else faults["faults"]
+        faults: Collection[str] = self.get_data("motor_faults")["faults"] if self.is_watched else ()
+        return faults

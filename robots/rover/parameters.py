@@ -46,7 +46,7 @@ class RoverParameters:
         default_factory=lambda: Lidar(181, math.radians(358.0), 8.0, 0.02, 0.1, (0.0, 0.0, 0.4))
     )  # [O]
     scan_hz: float = 0.0  # readings of the lidar; 0: there is none
-    goal_m: tuple[float, float] = (0.0, 0.0)  # x ahead of the start, y to the left
+    points_m: tuple[tuple[float, float], ...] = ()  # where to go: x ahead of the start, y to the left
     stands_s: float = 3.0  # at the start, while the bias of the gyroscope is measured
     script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person; empty: there is no pilot
     command_hz: float = 20.0  # how often the surface sends controls [O]

@@ -75,7 +75,7 @@ def test_rover_that_is_walled_in_has_no_heading() -> None:
     assert free_heading(ring, 0.0, 20.0, 0.0) is None
 
 
-def test_rays_without_an_echo_are_no_points() -> None:
+def test_rays_without_an_echo_give_no_points() -> None:
     assert points_of([1.0, 8.0, 2.0], [0.0, 0.5, math.pi / 2.0], 8.0) == [(1.0, 0.0), pytest.approx((0.0, 2.0))]
 
 

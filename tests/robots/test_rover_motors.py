@@ -90,7 +90,7 @@ def test_wheel_that_hangs_on_a_rock_for_a_moment_is_whole() -> None:
 
 
 @pytest.mark.parametrize("unknown", [(1,), (0, 1, 2), (3, 4, 5), (0, 1, 2, 3, 4)])
-def test_odometry_goes_on_with_the_wheels_that_are_known(unknown: tuple[int, ...]) -> None:
+def test_odometry_continues_with_the_wheels_that_are_known(unknown: tuple[int, ...]) -> None:
     parameters = RoverParameters()
     whole, rest = WheelOdometry(parameters), WheelOdometry(parameters)
     for i in range(200):
@@ -127,9 +127,10 @@ def test_broken_motor_is_found_in_time_and_the_rover_keeps_its_line(run: str, fa
     assert result.metrics["fault"] == fault
     assert result.metrics["off_m"] < 0.3
     found = [
-        (record.t, decode_value(bytes(record.values), {"page": Page})[0].data["faults"])
+        (record.t, faults)
         for record in read_trace(tmp_path / FILE_NAME).records
         if isinstance(record, PageRecord) and record.name == "motor_faults"
+        if (faults := decode_value(bytes(record.values), {"page": Page})[0].data["faults"])
     ]
     assert [faults for _, faults in found] == [{f"motor_{result.metrics['motor']}": fault}]
     assert found[0][0] - result.metrics["broke_s"] < FOUND_S

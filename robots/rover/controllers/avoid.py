@@ -48,7 +48,7 @@ class Avoid(Endpoint):
     @property
     def goal(self) -> Point:
         """Bearing of the goal [rad], from where the rover looks, and its distance [m]."""
-        (x, y), (to_x, to_y) = self.place.position_m, self.parameters.goal_m
+        (x, y), (to_x, to_y) = self.place.position_m, self.parameters.points_m[-1]
         return wrap_rad(math.atan2(to_y - y, to_x - x) - self.place.heading_rad), math.dist((x, y), (to_x, to_y))
 
     @handles("scan")
@@ -70,8 +70,8 @@ class Avoid(Endpoint):
         self.has_arrived = self.has_arrived or goal_m < ARRIVED_M
         drive = full_brake(self.parameters)
         if self.heading_rad is not None and not self.has_arrived:
-            wanted = self.steering.steer(wrap_rad(self.heading_rad - place.heading_rad), AHEAD_M, speed_mps)
-            drive = {"mode": "speed", "values": wheel_rates(self.parameters, *wanted, odometry["track_factor"])}
+            target = self.steering.steer(wrap_rad(self.heading_rad - place.heading_rad), AHEAD_M, speed_mps)
+            drive = {"mode": "speed", "values": wheel_rates(self.parameters, *target, odometry["track_factor"])}
         state = "arrived" if self.has_arrived else "blocked" if self.heading_rad is None else "driving"
         page = {"state": state, "position_m": list(place.position_m), "heading_rad": self.heading_rad, "left_m": goal_m}
         return [self.store_data_task("drive", drive), self.store_data_task("avoid", page)]
