@@ -26,7 +26,7 @@ TIME_LIMIT_S = END_S + 1.0
 
 FIELD_M, SPACING_M = 40.0, 5.0
 GRAVEL = Coulomb(0.6)
-WITHIN_M, AT_REST_MPS = 0.5, 0.02
+WITHIN_M, AT_REST_MPS, FAR_M = 0.5, 0.02, 12.0
 
 
 @lru_cache(maxsize=4)
@@ -53,7 +53,10 @@ def plant(seed: int, engine: str) -> Tracked:
 
 def verdict(plant: Tracked) -> Verdict | None:
     """Return how it ended, or None while it drives."""
-    is_home = math.dist(plant.read("pose").position_m[:2], corners(plant.seed)[-1]) <= WITHIN_M
+    home_m = math.dist(plant.read("pose").position_m[:2], corners(plant.seed)[-1])
+    if home_m > FAR_M:
+        return Verdict("off course", False, f"it is {home_m:.1f} m from the start (limit {FAR_M:g} m)")
+    is_home = home_m <= WITHIN_M
     is_over = plant.time_s >= END_S - 1e-6
     if not is_over and not (is_home and plant.speed_mps <= AT_REST_MPS):
         return None
