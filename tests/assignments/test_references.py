@@ -25,6 +25,7 @@ SLOW_CHECKS: dict[str, tuple[str, ...]] = {
         "clears_by_lidar",
         "slow_and_explained",
     ),
+    "14_odometry": ("square",),
 }
 
 
@@ -46,6 +47,7 @@ def test_reference_gets_all_points_of_visible_cases(
         ("05_mission_state_machine", SLOW_CHECKS["05_mission_state_machine"]),
         ("07_two_nodes", SLOW_CHECKS["07_two_nodes"]),
         ("13_two_processes", ("finds", "clears_by_stereo", "slow_and_explained")),
+        ("14_odometry", SLOW_CHECKS["14_odometry"]),
     ],
 )
 def test_reference_gets_all_points_of_slow_visible_cases(
