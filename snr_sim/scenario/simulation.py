@@ -7,14 +7,12 @@
 from __future__ import annotations
 
 import os
-import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from snr_sim import __version__
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.source_location import short_path
 from snr_sim.devices.commands import ActuatorLoopFactory
@@ -25,10 +23,11 @@ from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
-from snr_sim.recording.folder import trace_path
+from snr_sim.recording.folder import new_header, trace_path
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.recorded_run import RecordedRun
 from snr_sim.recording.records import Header, TraceInfo, name_of
+from snr_sim.recording.sources import sha256_of
 from snr_sim.scenario import library
 from snr_sim.scenario.options import check_options
 from snr_sim.scenario.student_calls import call_student, factories_of
@@ -299,7 +298,7 @@ class Simulation:
 
     def sources(self) -> dict[str, str]:
         """Return the sha256 of these files."""
-        return {name: library.sha256_of(path) for name, path in sorted(self.files().items())}
+        return {name: sha256_of(path) for name, path in sorted(self.files().items())}
 
 
 def prepare(
@@ -456,16 +455,5 @@ def wiring_of_file(name: str) -> Config:
 
 def header_of(roles: Sequence[str], config: Config, **fields: Any) -> Header:
     """Return the second line of a trace: versions, nodes and the pages that drive actuators, and the fields given."""
-    return Header(
-        version=__version__,
-        python=platform.python_version(),
-        platform=platform.platform(),
-        packages=library.package_versions(),
-        roles=list(roles),
-        nodes=[f"{role}_node" for role in roles],
-        commands={
-            f"{role}_node": [one.key for one in config.get(role) if isinstance(one, ActuatorLoopFactory)]
-            for role in roles
-        },
-        **fields,
-    )
+    commands = {role: [one.key for one in config.get(role) if isinstance(one, ActuatorLoopFactory)] for role in roles}
+    return new_header(roles, commands, **fields)
