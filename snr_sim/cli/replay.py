@@ -151,7 +151,7 @@ def config_of_replay(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[A
 
     header, trace_info = trace.header, trace.trace_info
     if not header.scenario:
-        config = wiring_of_file(with_file or trace_info.controller)
+        config = wiring_of_file(with_file or trace_info.controller, header.roles)
         now = {} if with_file else program_sources(Path(trace_info.controller))
     else:
         simulation = prepare(replace(request_of(trace_info, header, with_file), options=plan.options))

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from snr_sim.processes.message import RoverMessage as RoverMessage
     from snr_sim.processes.rover_process import ProcessSpec as ProcessSpec
     from snr_sim.processes.rover_process import RoverProcess as RoverProcess
+    from snr_sim.processes.rover_server import RoverServer as RoverServer
     from snr_sim.processes.runner import ProcessRunner as ProcessRunner
     from snr_sim.processes.state_manager import StateManager as StateManager
 else:

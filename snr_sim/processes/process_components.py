@@ -6,69 +6,31 @@ replay, which makes no loops, calls it too. On the wall clock the loop calls it 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
+from inspect import isgeneratorfunction
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.handlers import handler_name
+from snr_sim.core.loop import NEVER_S, Loop, LoopFactory
+from snr_sim.core.source_location import describe_error
+from snr_sim.core.thread_executor import JOIN_TIMEOUT_S
 from snr_sim.links.link import Link
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ParameterError, suggest
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.processes.loop_steps import LoopSteps
 from snr_sim.processes.message import LINK_PAGE, QUIT, RoverMessage
 from snr_sim.processes.rover_process import ProcessSpec, RoverProcess
 from snr_sim.processes.uplink import Uplink
 
 LOOP_EVENT = "loop"
-# A loop that returns None is called again after this time: no loop takes a whole core, and in lock step time advances.
-MIN_WAIT_S = 0.001
-
-
-class LoopSteps:
-    """The process's `loop` as steps, each followed by a wait: a call of a function, or a generator up to its yield."""
-
-    def __init__(self, process: RoverProcess) -> None:
-        self._process = process
-        self._generator: Iterator[float] | None = None
-
-    def step(self) -> float:
-        """Do the next step; return the time to wait after it [s].
-
-        Raises:
-            ParameterError: what the loop has returned or yielded is not a time.
-        """
-        waited: Any = None
-        if self._generator is None:
-            waited = self._process.loop()
-            if isinstance(waited, Iterator):
-                self._generator = waited
-        if self._generator is not None:
-            try:
-                waited = next(self._generator)
-            except StopIteration:
-                self._generator = waited = None
-        if waited is None:
-            return MIN_WAIT_S
-        if isinstance(waited, (int, float)) and 0 <= waited < math.inf:
-            return max(float(waited), MIN_WAIT_S)
-        verb = "returned" if self._generator is None else "yielded"
-        raise ParameterError(
-            f"loop() of {self._process.name} {verb} {repr(waited)[:80]}, which is not a time to wait.",
-            fix="seconds, such as 0.05; or None.",
-        )
-
-    def close(self) -> None:
-        """Leave the generator: its `finally` blocks are executed."""
-        close = getattr(self._generator, "close", None)
-        if close is not None:
-            with suppress(ValueError):  # it is being executed: its thread did not end in time
-                close()
 
 
 class ProcessFactory(EndpointFactory):
@@ -89,7 +51,7 @@ class ProcessEndpoint(Endpoint):
 
     Attributes:
         process: what the student has written.
-        steps: of its loop.
+        steps: of its loop, and of each function that it has spawned.
     """
 
     factory: ProcessFactory
@@ -98,9 +60,11 @@ class ProcessEndpoint(Endpoint):
     def __init__(self, factory: ProcessFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         spec = factory.spec
-        self._uplink = Uplink(parent, name, None if factory.folder is None else factory.folder / name)
+        self._uplink = Uplink(parent, name, None if factory.folder is None else factory.folder / name, self.spawn)
         self.process: RoverProcess = spec.kind(self._uplink)
-        self.steps: LoopSteps = LoopSteps(self.process)
+        self.steps: list[LoopSteps] = [LoopSteps(name, self.process.loop)]
+        self._threads: list[Thread] = []
+        self._ending = Event()
         self._quit_data: Any = None
         self._is_cleaned_up = False
         self._cleanup = self.process.cleanup
@@ -148,25 +112,57 @@ class ProcessEndpoint(Endpoint):
         return None
 
     def on_loop(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Do a step of the process's loop, in lock step."""
-        wait_s = self.step()
-        loop = self.parent.components.get(loop_name(self.name))
-        if isinstance(loop, ProcessLoop):
-            loop.send_event_at(self.get_time_s() + wait_s)
+        """Do a step of the process's loop, or of a function that it has spawned, in lock step."""
+        index: int = task.val_list[0]
+        wait_s = self.step(index)
+        self._send_event_at(self.get_time_s() + wait_s, index)
         return None
 
-    def step(self) -> float:
-        """Report that the process works, do a step of its loop, and return the time to wait [s]."""
-        self._uplink.pet(is_implicit=True)
-        return self.steps.step()
+    def step(self, index: int) -> float:
+        """Do a step, and return the time to wait [s]; first report that the process works if it is its loop's."""
+        if index == 0:
+            self._uplink.pet()
+        return self.steps[index].step()
+
+    def _send_event_at(self, time_s: float, index: int) -> None:
+        loop = self.parent.components.get(loop_name(self.name))  # there is none in a replay
+        if isinstance(loop, ProcessLoop) and time_s < NEVER_S:
+            loop.send_event_at(time_s, index)
+
+    def spawn(self, function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
+        """Call a function in addition to the loop: see `RoverServer.spawn_thread`."""
+        steps = LoopSteps(self.name, partial(function, **arguments), repeats=False)
+        self.steps.append(steps)
+        if not self.parent.is_in_lock_step:
+            self._threads.append(Thread(target=self._run, args=(len(self.steps) - 1,), daemon=True))
+            self._threads[-1].start()
+        elif isgeneratorfunction(function):
+            self._send_event_at(self.get_time_s(), len(self.steps) - 1)
+        else:
+            raise ConfigError(
+                f"{self.name} spawns {handler_name(function)}, which would block: in lock step there are no threads.",
+                fix="a generator function: one that yields the seconds to wait.",
+            )
+
+    def _run(self, index: int) -> None:
+        try:
+            while (wait_s := self.step(index)) < NEVER_S and not self._ending.wait(wait_s):
+                pass
+        except BaseException as error:
+            message = describe_error(error, f"in a thread of '{self.name}' at t = {self.parent.clock.now_s():.3f} s")
+            self.parent.inbox.fail(ComponentFailedError(message, self.parent.name, self.name))
 
     def halt(self) -> None:
-        """End the loop, then let the process clean up."""
+        """End the loop and the threads, then let the process clean up."""
         loop = self.parent.components.get(loop_name(self.name))
         if isinstance(loop, ProcessLoop):
             loop.join()
+        self._ending.set()
+        for thread in self._threads:
+            thread.join(JOIN_TIMEOUT_S)
         try:
-            self.steps.close()
+            for steps in self.steps:
+                steps.close()
         finally:
             self._cleanup_once()
 
@@ -220,17 +216,17 @@ class ProcessLoop(Loop):
     def begin(self) -> None:
         """Begin at once."""
         if self.parent.is_in_lock_step:
-            self.send_event_at(self.get_time_s())
+            self.send_event_at(self.get_time_s(), 0)
         else:
             super().begin()
 
-    def send_event_at(self, time_s: float) -> None:
-        """Send the event that lets the endpoint do the next step, at a virtual time [s]."""
+    def send_event_at(self, time_s: float, index: int) -> None:
+        """Send the event that lets the endpoint do the next step of a function, at a virtual time [s]."""
         assert isinstance(self.parent.clock, SimClock)
-        self.parent.clock.call_at(time_s, partial(self.schedule, tasks.event(LOOP_EVENT)))
+        self.parent.clock.call_at(time_s, partial(self.schedule, tasks.event(LOOP_EVENT, [index])))
 
     def loop(self) -> SomeTasks:
         """Do a step, on the loop's thread."""
-        wait_s = self._endpoint.step()
+        wait_s = self._endpoint.step(0)
         self.next_tick_at_s = self.get_time_s() + wait_s
         return None

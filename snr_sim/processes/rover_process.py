@@ -19,21 +19,27 @@ one.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from snr_sim.core.source_location import after_line, location_of
-from snr_sim.prelude.errors import ConfigError
-from snr_sim.processes.message import RoverMessage
+from snr_sim.prelude.errors import ConfigError, ParameterError, suggest
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.text import one_line
+from snr_sim.processes.message import EXTEND, PET, RESET, TERMINATE, RoverMessage, check_key
 from snr_sim.processes.seed_names import SeedNames
 from snr_sim.processes.uplink import Uplink
+from snr_sim.supervision.watch import PREVIOUS
 
 if TYPE_CHECKING:
     import numpy as np
 
 DEFAULT_PERIOD_S = 1.0
+LEVELS = ("CRITICAL", "ERROR", "WARNING", "INFO", "DEBUG", "NOTSET")
 
 
 class RoverProcess(SeedNames):
@@ -104,7 +110,8 @@ class RoverProcess(SeedNames):
             ConfigError: the key is not text, or is one that the state manager keeps for itself.
             ValueEncodingError: the value cannot be sent to another process.
         """
-        self._uplink.publish(key, value)
+        check_key(self.name, "publishes", key, value)
+        self._uplink.send(key, value)
 
     def subscribe(self, key: str, with_last: bool = False) -> None:
         """Receive the messages of a key from now on.
@@ -116,7 +123,10 @@ class RoverProcess(SeedNames):
         Raises:
             ConfigError: the key is not text, or is one that the state manager keeps for itself.
         """
-        self._uplink.subscribe(key, with_last)
+        check_key(self.name, "subscribes to", key)
+        self._uplink.keys[key] = with_last
+        self._uplink.ever.add(key)
+        self._uplink.report_keys([key] if with_last else [])
 
     def unsubscribe(self, key: str) -> None:
         """Receive no more messages of a key: none, once this has returned.
@@ -124,7 +134,11 @@ class RoverProcess(SeedNames):
         Raises:
             ConfigError: it is not subscribed to the key.
         """
-        self._uplink.unsubscribe(key)
+        if key not in self._uplink.keys:
+            fix = suggest(str(key), self._uplink.keys)
+            raise ConfigError(f"{self.name} is not subscribed to {key!r}.", fix=fix)
+        del self._uplink.keys[key]
+        self._uplink.report_keys([])
 
     @property
     def subscriptions(self) -> list[str]:
@@ -137,20 +151,22 @@ class RoverProcess(SeedNames):
         Raises:
             ConfigError: the level is not one of CRITICAL, ERROR, WARNING, INFO, DEBUG, NOTSET.
         """
-        self._uplink.log(message, level)
+        if level not in LEVELS:
+            raise ConfigError(f"{self.name} logs at the level {level!r}.", fix=suggest(str(level), LEVELS))
+        self._uplink.log(level, one_line(str(message), limit=2000))
 
     def get_time_s(self) -> float:
         """Return the time of the run [s], which is the same in all processes."""
-        return self._uplink.get_time_s()
+        return self._uplink.node.get_time_s()
 
-    @property
+    @cached_property
     def rng(self) -> np.random.Generator:
         """The process's random generator, from the seed of the run and its name."""
-        return self._uplink.rng
+        return rng_for(self._uplink.node.component_seed, self.name)
 
     def watchdog_pet(self) -> None:
         """Report that the process works; its loop does this before each call, too."""
-        self._uplink.pet()
+        self._uplink.send(PET, None)
 
     def watchdog_extend(self, timeout_s: float | Literal["PREVIOUS"]) -> None:
         """Set the time for which this process may be silent [s]; "PREVIOUS" sets the one before.
@@ -158,15 +174,20 @@ class RoverProcess(SeedNames):
         Raises:
             ParameterError: it is neither a positive number nor "PREVIOUS".
         """
-        self._uplink.extend(timeout_s)
+        is_time = isinstance(timeout_s, (int, float)) and 0 < timeout_s < math.inf
+        if not (is_time or timeout_s == PREVIOUS):
+            raise ParameterError(
+                f"{self.name} extends its watchdog by {timeout_s!r}.", fix=f"a number of seconds, or {PREVIOUS!r}."
+            )
+        self._uplink.send(EXTEND, timeout_s)
 
     def watchdog_reset(self) -> None:
         """Begin the time of silence of all processes again."""
-        self._uplink.reset()
+        self._uplink.send(RESET, None)
 
     def terminate_state(self) -> None:
         """End all processes."""
-        self._uplink.terminate_state()
+        self._uplink.send(TERMINATE, None)
 
 
 @dataclass(frozen=True)

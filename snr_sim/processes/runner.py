@@ -31,9 +31,9 @@ from snr_sim.processes.message import BROKER, LINK
 from snr_sim.processes.process_components import ProcessFactory, ProcessLoopFactory
 from snr_sim.processes.rover_process import ProcessSpec, RoverProcess
 from snr_sim.processes.state_manager import StateManagerFactory
-from snr_sim.recording.folder import new_header, new_run_folder
-from snr_sim.recording.records import Header, TraceInfo, name_of
-from snr_sim.recording.sources import keep_copies, program_files, program_sources
+from snr_sim.recording.folder import header_of_program, new_run_folder
+from snr_sim.recording.records import TraceInfo
+from snr_sim.recording.sources import keep_copies, program_files
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.supervision.multi_proc import MultiProcRunner
 
@@ -112,7 +112,9 @@ class ProcessRunner:
             return None
         program = self.program
         folder = new_run_folder(Path(out), program.stem, self.seed)
-        recorder = TraceWriter(folder / FILE_NAME, self._header(), TraceInfo.now("", str(program)))
+        roles = [BROKER, *(spec.name for spec in self.specs)]
+        header = header_of_program(roles, {}, program, "sim", self.seed)
+        recorder = TraceWriter(folder / FILE_NAME, header, TraceInfo.now("", str(program)))
         try:
             runner = self._simulate(until_s, folder, recorder)
             with keep_copies(folder, program_files(program), _is_own), record_output(runner.nodes.values()):
@@ -130,22 +132,6 @@ class ProcessRunner:
     def program(self) -> Path:
         """The file of the first process's class."""
         return Path(inspect.getfile(self.specs[0].kind)).resolve()
-
-    def _header(self) -> Header:
-        return new_header(
-            [BROKER, *(spec.name for spec in self.specs)],
-            {},
-            scenario="",
-            robot="",
-            controller=name_of(str(self.program)),
-            engine="",
-            io="",
-            seed=self.seed,
-            options={},
-            clock="sim",
-            sources=program_sources(self.program),
-            scene={},
-        )
 
     def run(self, folder: Path | None = None) -> None:
         """Run each in a process of its own, until Ctrl-C, SIGTERM, `terminate_state` or a failure.

@@ -1,4 +1,4 @@
-"""Uplink: what one process publishes, subscribes to and logs; its pages go to the state manager.
+"""Uplink: the connection of one process to its node and to the state manager.
 
 Its methods may be called on any thread. On the node's thread what is published follows from the running handler, so a
 replay compares it; elsewhere it is an input of the node.
@@ -6,125 +6,77 @@ replay compares it; elsewhere it is an input of the node.
 
 from __future__ import annotations
 
-import logging
 import math
 import sys
 from collections.abc import Callable
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 from snr_sim.core.standard_streams import print_line
-from snr_sim.prelude.errors import ConfigError, ParameterError, suggest
 from snr_sim.prelude.node_api import NodeApi
-from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.task import Task
-from snr_sim.prelude.text import one_line
-from snr_sim.processes.message import EXTEND, PET, RESET, SUBSCRIPTIONS, TERMINATE, check_key, page_of
+from snr_sim.processes.message import PET, SUBSCRIPTIONS, page_of
 
-if TYPE_CHECKING:
-    import numpy as np
-
-LEVELS = ("CRITICAL", "ERROR", "WARNING", "INFO", "DEBUG", "NOTSET")
 # A process reports that it works no more often than this: a loop of 50 Hz would send 50 pages a second.
 PET_PERIOD_S = 0.1
 LOG_NAME = "log.txt"
 
 
 class Uplink:
-    """The connection of one process to the state manager.
+    """What a process sends.
 
     Args:
         node: of the process.
         name: of the process.
-        folder: for its log, created when it logs first; None writes no file.
+        folder: of its log, made when it logs first; None writes none.
+        spawn: calls a function, with these arguments, in addition to the loop.
 
     Attributes:
-        keys: what it subscribes to, and whether it asks for the last value at each connect.
+        keys: what it subscribes to, and whether it asks for the last value at each connection.
+        ever: what it has subscribed to at any time.
     """
 
-    def __init__(self, node: NodeApi, name: str, folder: Path | None) -> None:
+    def __init__(self, node: NodeApi, name: str, folder: Path | None, spawn: Callable[..., None]) -> None:
+        self.node: NodeApi = node
         self.name: str = name
+        self.spawn: Callable[..., None] = spawn
         self.keys: dict[str, bool] = {}
-        self.ever: set[str] = set()  # keys that it has subscribed to at any time
-        self.is_connected: bool = False
-        self.get_time_s: Callable[[], float] = node.get_time_s
-        self._node = node
-        self._folder = None if node.is_replay else folder
+        self.ever: set[str] = set()
+        self._folder = folder
+        self._is_connected = False
         self._pet_s = -math.inf
 
-    @cached_property
-    def rng(self) -> np.random.Generator:
-        """The random generator of the process."""
-        return rng_for(self._node.component_seed, self.name)
+    def send(self, key: str, value: Any) -> None:
+        """Publish a value under any key; raise a ValueEncodingError if it cannot be sent."""
+        page = page_of(self.name, self.node, key, value, process_here=key in self.keys)
+        self.node.schedule(Task.store_page(page), self.name)
 
-    def publish(self, key: str, value: Any) -> None:
-        """Publish a value; see `RoverProcess.publish`."""
-        check_key(self.name, "publishes", key, value)
-        self._send(key, value, process_here=key in self.keys)
-
-    def subscribe(self, key: str, with_last: bool) -> None:
-        """Add a key to those whose messages arrive."""
-        check_key(self.name, "subscribes to", key)
-        self.keys[key] = with_last
-        self.ever.add(key)
-        self._report_keys([key] if with_last else [])
-
-    def unsubscribe(self, key: str) -> None:
-        """Remove a key; what is on its way does not arrive any more."""
-        if key not in self.keys:
-            raise ConfigError(f"{self.name} is not subscribed to {key!r}.", fix=suggest(str(key), self.keys))
-        del self.keys[key]
-        self._report_keys([])
+    def pet(self) -> None:
+        """Report that the process works, if it has not done so within `PET_PERIOD_S`."""
+        now_s = self.node.get_time_s()
+        if now_s - self._pet_s >= PET_PERIOD_S:
+            self._pet_s = now_s
+            self.send(PET, None)
 
     def connect(self, is_up: bool) -> None:
         """Note whether the broker is connected; a new connection begins with the whole list of subscriptions."""
-        was_up, self.is_connected = self.is_connected, is_up
+        was_up, self._is_connected = self._is_connected, is_up
         if is_up and not was_up:
-            self._report_keys([key for key, with_last in self.keys.items() if with_last])
+            self.report_keys([key for key, with_last in self.keys.items() if with_last])
 
-    def _report_keys(self, last: list[str]) -> None:
-        if self.is_connected:
-            self._send(SUBSCRIPTIONS, {"keys": list(self.keys), "last": last})
+    def report_keys(self, last: list[str]) -> None:
+        """Send the list of subscriptions, unless `connect` does it later; `last` are those whose last value to send."""
+        if self._is_connected:
+            self.send(SUBSCRIPTIONS, {"keys": list(self.keys), "last": last})
 
-    def pet(self, is_implicit: bool = False) -> None:
-        """Report that the process works; by its loop, not more often than each `PET_PERIOD_S`."""
-        now_s = self.get_time_s()
-        if not is_implicit or now_s - self._pet_s >= PET_PERIOD_S:
-            self._pet_s = now_s
-            self._send(PET, None)
-
-    def extend(self, timeout_s: float | Literal["PREVIOUS"]) -> None:
-        """Set the time for which the process may be silent; see `RoverProcess.watchdog_extend`."""
-        is_time = isinstance(timeout_s, (int, float)) and math.isfinite(timeout_s) and timeout_s > 0
-        if not (is_time or timeout_s == "PREVIOUS"):
-            raise ParameterError(
-                f"{self.name} extends its watchdog by {timeout_s!r}.", fix='a number of seconds, or "PREVIOUS".'
-            )
-        self._send(EXTEND, timeout_s)
-
-    def reset(self) -> None:
-        """Reset the deadlines of all processes."""
-        self._send(RESET, None)
-
-    def terminate_state(self) -> None:
-        """Ask the broker to end all processes."""
-        self._send(TERMINATE, None)
-
-    def _send(self, key: str, value: Any, process_here: bool = False) -> None:
-        page = page_of(self.name, self._node, key, value, process_here)
-        self._node.schedule(Task.store_page(page), self.name)
-
-    def log(self, message: object, level: str) -> None:
-        """Write a line to stderr, to the log and to the trace; see `RoverProcess.log`."""
-        if level not in LEVELS:
-            raise ConfigError(f"{self.name} logs at the level {level!r}.", fix=suggest(str(level), LEVELS))
-        text = one_line(str(message), limit=2000)
+    def log(self, level: str, text: str) -> None:
+        """Write a line to stderr and to the log, and the text into the trace; a replay does none of it."""
+        if self.node.is_replay:
+            return
         line = f"{self.name:<20}: {level:<8} {text}"
-        if not self._node.is_replay:
-            print_line(sys.stderr, line)
-        if logging.getLevelName(level) >= logging.INFO:
-            self._node.record_text(self.name, level, f"{text}\n")
+        print_line(sys.stderr, line)
+        if level not in ("DEBUG", "NOTSET"):
+            self.node.record_text(self.name, level, f"{text}\n")
         if self._folder is not None:
             self._folder.mkdir(parents=True, exist_ok=True)
             with open(self._folder / LOG_NAME, "a", encoding="utf-8") as file:

@@ -17,8 +17,9 @@ from snr_sim import __version__
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.atomic_files import write_atomic
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import Header, digest_of
+from snr_sim.recording.records import Header, digest_of, name_of
 from snr_sim.recording.sources import FOLDER as SOURCES
+from snr_sim.recording.sources import program_sources
 from snr_sim.recording.trace import FILE_NAME
 
 MIN_FREE_BYTES = 50_000_000  # for a run to begin: some minutes of a dive
@@ -226,6 +227,26 @@ def new_header(roles: Sequence[str], commands: Mapping[str, list[str]], **fields
         nodes=[f"{role}_node" for role in roles],
         commands={f"{role}_node": commands.get(role, []) for role in roles},
         **fields,
+    )
+
+
+def header_of_program(
+    roles: Sequence[str], commands: Mapping[str, list[str]], program: Path, clock: str, seed: int
+) -> Header:
+    """Return the second line of the trace of a program without a scenario; arguments as above, and of the run."""
+    return new_header(
+        roles,
+        commands,
+        scenario="",
+        robot="",
+        controller=name_of(str(program)),
+        engine="",
+        io="",
+        seed=seed,
+        options={},
+        clock=clock,
+        sources=program_sources(program),
+        scene={},
     )
 
 

@@ -17,12 +17,12 @@ from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError
-from snr_sim.recording.folder import discard, new_run_folder
-from snr_sim.recording.records import Header, TraceInfo, name_of
-from snr_sim.recording.sources import keep_copies, program_files, program_sources
+from snr_sim.recording.folder import discard, header_of_program, new_run_folder
+from snr_sim.recording.records import Header, TraceInfo
+from snr_sim.recording.sources import keep_copies, program_files
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
-from snr_sim.scenario.simulation import header_of
+from snr_sim.scenario.simulation import commands_of
 from snr_sim.supervision.multi_proc import MultiProcRunner
 
 
@@ -142,18 +142,5 @@ def program_header(
     roles: Sequence[RoleName], config: Config, program: str | Path, clock: Clock | None = None, seed: int = 0
 ) -> Header:
     """Return the second line of the trace of a program; arguments as above."""
-    path = Path(program).resolve()
-    return header_of(
-        roles,
-        config,
-        scenario="",
-        robot="",
-        controller=name_of(str(path)),
-        engine="",
-        io="",
-        seed=seed,
-        options={},
-        clock="sim" if isinstance(clock, SimClock) else "wall",
-        sources=program_sources(path),
-        scene={},
-    )
+    name = "sim" if isinstance(clock, SimClock) else "wall"
+    return header_of_program(roles, commands_of(roles, config), Path(program).resolve(), name, seed)

@@ -504,3 +504,26 @@ def test_enabled_module_that_is_wrong_is_named(tmp_path: Path) -> None:
         ProcessRunner(["DriveTwo"], folder=tmp_path)
     with pytest.raises(ConfigError, match=r"(?s)DriveThree.py, line 2: 1 / 0.*ZeroDivisionError"):
         ProcessRunner(["DriveThree"], folder=tmp_path)
+
+
+# Names of the seed
+
+
+class OldNames(Script):
+    """Written for the seed."""
+
+    def messageTrigger(self, message: Any) -> None:  # noqa: N802
+        self.got.append(("old", message.key))
+
+
+def test_names_of_the_seed_work_where_they_are_called_and_overridden() -> None:
+    def old(it: Any) -> None:
+        it.watchdogExtend(60.0)
+        it.publish("k", 1)
+
+    runner = simulate(OldNames.with_args(at={1.0: old}, keys=["k"]), until_s=20.0)
+    assert process(runner, "OldNames").got == [("old", "k")]
+    assert "has not reported" not in notes(runner, "state_manager")
+    assert broker(runner).dumpSubscribers() == "k: OldNames"  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match="'OldNames' object has no attribute 'watchdogPat'"):
+        process(runner, "OldNames").watchdogPat()

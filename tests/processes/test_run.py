@@ -34,7 +34,7 @@ class Logs(RoverProcess):
 
 
 class Sends(Logs):
-    """Publishes numbers once the reader is there; hears them itself, too."""
+    """Publishes numbers once the reader is there; receives them itself, too."""
 
     def setup(self, args: Any) -> None:
         super().setup(args)
