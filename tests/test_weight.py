@@ -7,7 +7,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Lines of Python: 2 % more than on 2026-11-27; the rover's packages as they are.
 MAX_LINES = {
-    "snr_sim": 84900,
+    "snr_sim": 84600,
     "snr_sim/behaviors": 8960,
     "snr_sim/cli": 4205,
     "snr_sim/console": 1920,
@@ -18,7 +18,7 @@ MAX_LINES = {
     "snr_sim/links": 5420,
     "snr_sim/plants": 10937,
     "snr_sim/prelude": 2870,
-    "snr_sim/processes": 1300,
+    "snr_sim/processes": 1250,
     "snr_sim/recording": 4835,
     "snr_sim/scenario": 3905,
     "snr_sim/schemas": 120,

@@ -37,14 +37,11 @@ def load_file(path: Path) -> dict[str, object]:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    before, sys.modules[name] = sys.modules.get(name), module
+    sys.modules[name] = module  # first, as a class looks up its module
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
-        if before is None:
-            del sys.modules[name]
-        else:
-            sys.modules[name] = before
+        del sys.modules[name]
         raise ConfigError(describe_error(error, f"while {short_path(str(path))} was imported")) from error
     return vars(module)
 

@@ -1,6 +1,6 @@
 """Messages between RoverProcesses: pages with a key and plain data, checked where they are published.
 
-The state manager keeps some keys for itself. Names of nodes are those of their roles, as everywhere, plus `_node`.
+The state manager keeps some keys for itself.
 """
 
 from __future__ import annotations
@@ -39,16 +39,6 @@ class RoverMessage(NamedTuple):
 
     key: str
     data: Any
-
-
-def node_of(process: str) -> str:
-    """Return the name of the node of a process."""
-    return f"{process}_node"
-
-
-def process_of(node: str) -> str:
-    """Return the name of the process that has a node."""
-    return node.removesuffix("_node")
 
 
 def check_key(process: str, verb: str, key: Any, value: Any = None) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import handler_name
-from snr_sim.core.loop import NEVER_S, Loop, LoopFactory
+from snr_sim.core.loop import NEVER_S, Loop
 from snr_sim.core.source_location import describe_error
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S
 from snr_sim.links.link import Link
@@ -31,42 +31,32 @@ from snr_sim.processes.rover_process import ProcessSpec, RoverProcess
 from snr_sim.processes.uplink import Uplink
 
 LOOP_EVENT = "loop"
-
-
-class ProcessFactory(EndpointFactory):
-    """Makes the endpoint of a process; `folder` is that of the run, for its log."""
-
-    def __init__(self, spec: ProcessSpec, folder: Path | None) -> None:
-        super().__init__()
-        self.spec = spec
-        self.folder = folder
-
-    def get(self, parent: NodeApi) -> Endpoint:
-        """Return the endpoint, with the process."""
-        return ProcessEndpoint(self, parent, self.spec.name)
+LOOP_SUFFIX = "_loop"  # of the name of a process's loop
 
 
 class ProcessEndpoint(Endpoint):
     """Calls the methods of a process, and sends what it publishes to the broker.
 
     Attributes:
+        spec: of the process.
+        folder: of the run, for the log; None writes none.
         process: what the student has written.
         steps: of its loop, and of each function that it has spawned.
     """
 
-    factory: ProcessFactory
     optional_events = (LOOP_EVENT,)  # on the wall clock the loop has a thread of its own
+    spec: ProcessSpec
+    folder: Path | None
 
-    def __init__(self, factory: ProcessFactory, parent: NodeApi, name: str) -> None:
+    def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
-        spec = factory.spec
-        self._uplink = Uplink(parent, name, None if factory.folder is None else factory.folder / name, self.spawn)
-        self.process: RoverProcess = spec.kind(self._uplink)
+        self._uplink = Uplink(parent, name, None if self.folder is None else self.folder / name, self.spawn)
+        self.process: RoverProcess = self.spec.kind(self._uplink)
         self.steps: list[LoopSteps] = [LoopSteps(name, self.process.loop)]
         self._threads: list[Thread] = []
         self._ending = Event()
         self._quit_data: Any = None
-        self._is_cleaned_up = False
+        self._is_quitting = self._is_cleaned_up = False
         self._cleanup = self.process.cleanup
         vars(self.process)["cleanup"] = self._cleanup_once  # a process may call it itself, as the seed's do
         self.task_handlers = {
@@ -78,7 +68,7 @@ class ProcessEndpoint(Endpoint):
 
     def begin(self) -> SomeTasks:
         """Let the process prepare; messages are handled after this."""
-        self.process.setup(self.factory.spec.args)
+        self.process.setup(dict(self.spec.args))
         return None
 
     def on_stored(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -106,9 +96,11 @@ class ProcessEndpoint(Endpoint):
         return None
 
     def on_end(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Let the process prepare for its end."""
-        with suppress(SystemExit):  # the seed's processes end themselves here
-            self.process.on_quit(self._quit_data)
+        """Let the process prepare for its end, once: a second signal is a second task."""
+        if not self._is_quitting:
+            self._is_quitting = True
+            with suppress(SystemExit):  # the seed's processes end themselves here
+                self.process.on_quit(self._quit_data)
         return None
 
     def on_loop(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -125,7 +117,7 @@ class ProcessEndpoint(Endpoint):
         return self.steps[index].step()
 
     def _send_event_at(self, time_s: float, index: int) -> None:
-        loop = self.parent.components.get(loop_name(self.name))  # there is none in a replay
+        loop = self.parent.components.get(f"{self.name}{LOOP_SUFFIX}")  # there is none in a replay
         if isinstance(loop, ProcessLoop) and time_s < NEVER_S:
             loop.send_event_at(time_s, index)
 
@@ -154,7 +146,7 @@ class ProcessEndpoint(Endpoint):
 
     def halt(self) -> None:
         """End the loop and the threads, then let the process clean up."""
-        loop = self.parent.components.get(loop_name(self.name))
+        loop = self.parent.components.get(f"{self.name}{LOOP_SUFFIX}")
         if isinstance(loop, ProcessLoop):
             loop.join()
         self._ending.set()
@@ -187,31 +179,10 @@ class ProcessEndpoint(Endpoint):
                 self.parent.add_note(f"{self.name} subscribed to '{key}', but has no on_{key}; {near}")
 
 
-def loop_name(process: str) -> str:
-    """Return the name of the loop of a process."""
-    return f"{process}_loop"
-
-
-class ProcessLoopFactory(LoopFactory):
-    """Makes the loop of a process."""
-
-    def __init__(self, process: str) -> None:
-        super().__init__()
-        self.process = process
-
-    def get(self, parent: NodeApi) -> Loop:
-        """Return the loop."""
-        endpoint = parent.components[self.process]
-        assert isinstance(endpoint, ProcessEndpoint)
-        return ProcessLoop(self, parent, endpoint)
-
-
 class ProcessLoop(Loop):
     """Brings the times at which the process's loop is due into the node; on the wall clock calls it itself."""
 
-    def __init__(self, factory: LoopFactory, parent: NodeApi, endpoint: ProcessEndpoint) -> None:
-        super().__init__(factory, parent, loop_name(endpoint.name))
-        self._endpoint = endpoint
+    process: str = ""  # its name
 
     def begin(self) -> None:
         """Begin at once."""
@@ -227,6 +198,8 @@ class ProcessLoop(Loop):
 
     def loop(self) -> SomeTasks:
         """Do a step, on the loop's thread."""
-        wait_s = self._endpoint.step(0)
+        endpoint = self.parent.components[self.process]
+        assert isinstance(endpoint, ProcessEndpoint)
+        wait_s = endpoint.step(0)
         self.next_tick_at_s = self.get_time_s() + wait_s
         return None

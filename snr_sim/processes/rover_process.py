@@ -5,13 +5,12 @@
             self.gain = args.get("gain", 1.0)
             self.subscribe("joystick1")
 
-        def on_joystick1(self, data):                  # on_<key> is called instead of message_trigger
-            x, y = data
-            self.publish("wheelLF", self.gain * y)
+        def on_joystick1(self, data):              # on_<key> is called instead of message_trigger
+            self.publish("wheelLF", self.gain * data[1])
 
-        def loop(self):                                # a function, or a generator as here
-            self.watchdog_pet()
-            yield 4.0                                  # waits, also in virtual time, and ends early at quit
+        def loop(self):                            # a function, or a generator as here
+            self.publish("alive", True)
+            yield 4.0                              # waits, also in virtual time, and ends early at quit
 
 `runner.py` starts it, `process_components.py` calls it: handlers on one thread, `loop` on another, in lock step all on
 one.
@@ -82,7 +81,7 @@ class RoverProcess(SeedNames):
 
     # For its author to write
 
-    def setup(self, args: Mapping[str, Any]) -> None:
+    def setup(self, args: dict[str, Any]) -> None:
         """Prepare; called once, before any message and before `loop`."""
 
     def loop(self) -> float | Iterator[float] | None:

@@ -28,9 +28,9 @@ from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.processes.enabled import load_enabled
 from snr_sim.processes.message import BROKER, LINK
-from snr_sim.processes.process_components import ProcessFactory, ProcessLoopFactory
+from snr_sim.processes.process_components import LOOP_SUFFIX, ProcessEndpoint, ProcessLoop
 from snr_sim.processes.rover_process import ProcessSpec, RoverProcess
-from snr_sim.processes.state_manager import StateManagerFactory
+from snr_sim.processes.state_manager import StateManager
 from snr_sim.recording.folder import header_of_program, new_run_folder
 from snr_sim.recording.records import TraceInfo
 from snr_sim.recording.sources import keep_copies, program_files
@@ -91,9 +91,11 @@ class ProcessRunner:
         pair = SocketsPair(
             ("127.0.0.1", 0), name=LINK, secret=secret, queue_pages=self._queue_messages, faults=self._faults
         )
-        roles: dict[RoleName, list[AnyFactory]] = {BROKER: [StateManagerFactory(), pair.server()]}
+        roles: dict[RoleName, list[AnyFactory]] = {BROKER: [StateManager.factory(name=BROKER), pair.server()]}
         for spec in self.specs:
-            roles[spec.name] = [ProcessFactory(spec, folder), pair.client(), ProcessLoopFactory(spec.name)]
+            endpoint = ProcessEndpoint.factory(name=spec.name, spec=spec, folder=folder)
+            loop = ProcessLoop.factory(name=f"{spec.name}{LOOP_SUFFIX}", process=spec.name)
+            roles[spec.name] = [endpoint, pair.client(), loop]
         return Config(factories=roles)
 
     def simulate(self, until_s: float, out: str | Path | None = None) -> Path | None:

@@ -19,32 +19,13 @@ from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import Page, SomeTasks, Task, TaskId, TaskType
-from snr_sim.processes.message import (
-    BROKER,
-    EXTEND,
-    LINK_PAGE,
-    PET,
-    QUIT,
-    RESET,
-    SUBSCRIPTIONS,
-    TERMINATE,
-    node_of,
-    process_of,
-)
+from snr_sim.processes.message import EXTEND, LINK_PAGE, PET, QUIT, RESET, SUBSCRIPTIONS, TERMINATE
 from snr_sim.processes.seed_names import SeedNames
 from snr_sim.processes.subscriptions import Subscriptions
 from snr_sim.supervision.watch import Watch
 
 HANG_S = 5.0  # silence of a process that counts as a hang, until it says otherwise
 HANGING = "hanging"  # page with the names of the processes that hang
-
-
-class StateManagerFactory(EndpointFactory):
-    """Makes the broker."""
-
-    def get(self, parent: NodeApi) -> Endpoint:
-        """Return the broker."""
-        return StateManager(self, parent, BROKER)
 
 
 class StateManager(SeedNames, Endpoint):
@@ -75,7 +56,7 @@ class StateManager(SeedNames, Endpoint):
         assert page is not None
         if page.origin == self.parent.name:
             return self._report_hangs() if page.key == LINK_PAGE else None
-        name = process_of(page.origin)
+        name = page.origin.removesuffix("_node")
         if name not in self.watch.deadlines:  # what a process publishes in `setup` is older than its connection
             self.watch.add(name, HANG_S, self.get_time_s())
         own: Any = self._own.get(page.key)
@@ -89,7 +70,7 @@ class StateManager(SeedNames, Endpoint):
     def _send(self, names: Collection[str], page: Page) -> None:
         link = self.parent.components.get(LINK_PAGE)  # there is none in a replay
         if names and isinstance(link, Link):
-            link.send(replace(page, process=True), [node_of(name) for name in names])
+            link.send(replace(page, process=True), [f"{name}_node" for name in names])
 
     def _set_subscriptions(self, name: str, data: dict[str, Any]) -> None:
         self.table.set_keys(name, data["keys"])
@@ -140,15 +121,13 @@ class StateManager(SeedNames, Endpoint):
         ever, published = self.table.ever, {key for key, _ in self._published}
         for (key, name), count in sorted(self._published.items()):
             if key not in ever:
+                near = suggest(key, ever, "subscribed are")
+                of = next(
+                    (f" ({', '.join(self.table.of(one))} subscribes to it.)" for one in ever if f"'{one}'?" in near), ""
+                )
                 what = f"No process subscribed to '{key}', which {name} published {count} times"
-                self.parent.add_note(f"{what}; {suggest(key, ever, 'subscribed are')}{self._subscribers_near(key)}")
+                self.parent.add_note(f"{what}; {near}{of}")
         for key in sorted(ever - published):
             near = suggest(key, published, "published were")
-            self.parent.add_note(f"{', '.join(self.table.of(key))} subscribed to '{key}', never published; {near}")
-
-    def _subscribers_near(self, key: str) -> str:
-        import difflib
-
-        near = difflib.get_close_matches(key, self.table.ever, n=1, cutoff=0.5)
-        names = self.table.of(near[0]) if near else []
-        return f" ({', '.join(names)} subscribed to it.)" if names else ""
+            names = ", ".join(self.table.of(key)) or "A process"
+            self.parent.add_note(f"{names} subscribed to '{key}', never published; {near}")

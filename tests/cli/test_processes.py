@@ -80,3 +80,11 @@ def test_processes_run_until_one_ends_all(snr: Any, rover: Path) -> None:
     assert (answer.status, answer.json["error"]) == (0, ""), answer.err
     logs = Path(answer.json["run_dir"]).glob("*/log.txt")
     assert {path.parent.name for path in logs} == {"Ping", "Pong"}
+
+
+def test_sleep_in_a_loop_is_named_by_a_checked_replay(snr: Any, rover: Path) -> None:
+    text = PING.format(**CASES[0]).replace("return 1.0", "time.sleep(0.0)\n        return 1.0")
+    (rover / "sleepy.py").write_text(f"import time\n{text}")
+    run = snr("processes", "sleepy.py", "--sim", "2", "--json").json["run_dir"]
+    (call,) = snr("replay", run, "--check", "--json").json["outside_calls"]
+    assert "time.sleep()" in str(call)

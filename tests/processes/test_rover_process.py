@@ -442,7 +442,7 @@ def test_unheard_key_is_noted_with_the_nearest_subscribed_one() -> None:
     runner = simulate(script("Drive", {1.0: publish(*[("whelLF", 1)] * 12)}), script("UsbServer", {}, "wheelLF"))
     text = notes(runner, "state_manager")
     assert "No process subscribed to 'whelLF', which Drive published 12 times; did you mean 'wheelLF'?" in text
-    assert "(UsbServer subscribed to it.)" in text
+    assert "(UsbServer subscribes to it.)" in text
     assert "UsbServer subscribed to 'wheelLF', never published; did you mean 'whelLF'?" in text
 
 
