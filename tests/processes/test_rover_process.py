@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -527,3 +528,28 @@ def test_names_of_the_seed_work_where_they_are_called_and_overridden() -> None:
     assert broker(runner).dumpSubscribers() == "k: OldNames"  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match="'OldNames' object has no attribute 'watchdogPat'"):
         process(runner, "OldNames").watchdogPat()
+
+
+class OneThread(RoverProcess):
+    """Notes which thread calls its handlers and its loop, both with the lock."""
+
+    def setup(self, args: Any) -> None:
+        self.threads: list[tuple[str, int]] = []
+        self.subscribe("k")
+
+    def note(self, what: str) -> None:
+        with self.lock, self.lock:  # it may be taken again by a method that is called with it
+            self.threads.append((what, threading.get_ident()))
+
+    def on_k(self, data: Any) -> None:
+        self.note("handler")
+
+    def loop(self) -> float:
+        self.note("loop")
+        self.publish("k", 1)
+        return 1.0
+
+
+def test_handlers_and_loop_have_one_thread_in_lock_step() -> None:
+    calls = process(simulate(OneThread, until_s=0.5), "OneThread").threads
+    assert calls == [("loop", threading.get_ident()), ("handler", threading.get_ident())]

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from snr_sim.prelude.errors import ComponentFailedError
-from snr_sim.processes import ProcessRunner, RoverProcess
+from snr_sim.processes import ProcessRunner, RoverServer
 
 pytestmark = pytest.mark.slow
 
 COUNT = 500
 
 
-class Logs(RoverProcess):
+class Logs(RoverServer):
     """Logs its life; ends all after a minute."""
 
     def setup(self, args: Any) -> None:
@@ -92,6 +94,38 @@ class Stops(Logs):
         return 3600.0
 
 
+class TwoThreads(Logs):
+    """Logs whether its handlers and its loop have threads of their own, and its spawned function another one."""
+
+    def setup(self, args: Any) -> None:
+        self.threads: dict[str, int] = {}
+        self.subscribe("k")
+        self.spawn_thread(self.wait, pause_s=0.01)
+
+    def wait(self, pause_s: float) -> Iterator[float]:
+        while True:
+            self.note("spawned")
+            yield pause_s
+
+    def note(self, what: str) -> None:
+        with self.lock:
+            self.threads[what] = threading.get_ident()
+            if len(self.threads) == 3:
+                self.terminate_state()
+
+    def on_k(self, data: Any) -> None:
+        self.note("handler")
+
+    def loop(self) -> float:
+        self.publish("k", 1)
+        self.note("loop")
+        return super().loop()
+
+    def cleanup(self) -> None:
+        names = {thread.ident for thread in threading.enumerate()}
+        self.log([len(set(self.threads.values())), self.threads["spawned"] in names])
+
+
 def logged(folder: Path) -> dict[str, list[str]]:
     lines = {path.parent.name: path.read_text().splitlines() for path in folder.glob("*/log.txt")}
     return {name: [line.split(maxsplit=3)[3] for line in of] for name, of in lines.items()}
@@ -106,6 +140,11 @@ def test_exception_in_loop_ends_all_and_names_the_line(tmp_path: Path) -> None:
     with pytest.raises(ComponentFailedError, match=r'(?s)test_run.py, line \d+: raise ValueError\("no wheel"\)'):
         ProcessRunner([Fails, Logs]).run(tmp_path)
     assert logged(tmp_path) == {"Fails": ["setup", "cleanup"], "Logs": ["setup", "cleanup"]}
+
+
+def test_handlers_loop_and_spawned_functions_have_threads_of_their_own(tmp_path: Path) -> None:
+    ProcessRunner([TwoThreads]).run(tmp_path)
+    assert logged(tmp_path) == {"TwoThreads": ["[3, False]"]}
 
 
 def test_sigterm_cleans_up_each_process(tmp_path: Path) -> None:
