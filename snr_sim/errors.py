@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from snr_sim.prelude.errors import RetiredNameError as RetiredNameError
     from snr_sim.prelude.errors import SensorLostError as SensorLostError
     from snr_sim.prelude.errors import SnrError as SnrError
+    from snr_sim.prelude.errors import SupervisionError as SupervisionError
     from snr_sim.prelude.errors import TaskError as TaskError
     from snr_sim.prelude.errors import TraceError as TraceError
     from snr_sim.prelude.errors import UnknownNameError as UnknownNameError

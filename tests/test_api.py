@@ -37,6 +37,7 @@ PACKAGES = [
     "snr_sim.links",
     "snr_sim.notebook",
     "snr_sim.plants",
+    "snr_sim.processes",
     "snr_sim.recording",
     "snr_sim.scenario",
     "snr_sim.signals",

@@ -34,6 +34,7 @@ FLOOR = {
     "teleop": 3,
     "testing": 3,
     "web": 4,
+    "processes": 4,
     "schemas": 5,
     "scenario": 5,
     "thesis": 5,

@@ -7,9 +7,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Lines of Python: 2 % more than on 2026-11-27; the rover's packages as they are.
 MAX_LINES = {
-    "snr_sim": 82872,
+    "snr_sim": 84600,
     "snr_sim/behaviors": 8960,
-    "snr_sim/cli": 4115,
+    "snr_sim/cli": 4205,
     "snr_sim/console": 1920,
     "snr_sim/core": 8940,
     "snr_sim/devices": 8930,
@@ -17,12 +17,13 @@ MAX_LINES = {
     "snr_sim/learning": 4030,
     "snr_sim/links": 5420,
     "snr_sim/plants": 10937,
-    "snr_sim/prelude": 2865,
-    "snr_sim/recording": 4740,
+    "snr_sim/prelude": 2870,
+    "snr_sim/processes": 1250,
+    "snr_sim/recording": 4835,
     "snr_sim/scenario": 3905,
     "snr_sim/schemas": 120,
     "snr_sim/std_mods": 870,
-    "snr_sim/supervision": 330,
+    "snr_sim/supervision": 470,
     "snr_sim/teleop": 1015,
     "snr_sim/testing": 2540,
     "snr_sim/view": 3220,
@@ -30,7 +31,7 @@ MAX_LINES = {
     "robots": 5303,
     "scenarios": 2031,
     "assignments": 8500,
-    "tests": 92387,
+    "tests": 93900,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -25,8 +25,9 @@ from snr_sim.prelude.errors import MissingExtraError, ParameterError, SnrError, 
 from snr_sim.prelude.plant import Plant
 from snr_sim.recording.folder import discard, new_run_folder, write_result
 from snr_sim.recording.records import Header
+from snr_sim.recording.sources import keep_copies
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.scenario.library import keep_copies
+from snr_sim.scenario.library import is_own
 from snr_sim.scenario.reload_checks import ReloadChecks
 from snr_sim.scenario.role_run import RoleRun
 from snr_sim.scenario.simulation import Request, Simulation, prepare
@@ -99,7 +100,7 @@ def record_run(
                 live_page.folder = folder
             recorder = TraceWriter(folder / FILE_NAME, header, simulation.trace_info())
             undo.callback(_close, recorder)
-            kept = stack.enter_context(keep_copies(folder, simulation.files().values()))
+            kept = stack.enter_context(keep_copies(folder, simulation.files().values(), is_own))
             if live:
                 stack.enter_context(_live_view(header, recorder, live))
             tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else _SLOW_S))

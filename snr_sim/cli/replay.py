@@ -145,12 +145,13 @@ def config_of_replay(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[A
     """Return the configuration to replay with, and notes about it."""
     from dataclasses import replace
 
-    from snr_sim.scenario.library import OPTION_FILE, program_sources
+    from snr_sim.recording.sources import program_sources
+    from snr_sim.scenario.library import OPTION_FILE
     from snr_sim.scenario.simulation import prepare, request_of, wiring_of_file
 
     header, trace_info = trace.header, trace.trace_info
     if not header.scenario:
-        config = wiring_of_file(with_file or trace_info.controller)
+        config = wiring_of_file(with_file or trace_info.controller, header.roles)
         now = {} if with_file else program_sources(Path(trace_info.controller))
     else:
         simulation = prepare(replace(request_of(trace_info, header, with_file), options=plan.options))
@@ -175,8 +176,7 @@ def config_of_replay(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[A
 def environment_note(trace: Trace) -> list[str]:
     """Return a note on the differences between the recorded and the current environment, or an empty list."""
     from snr_sim import __version__
-    from snr_sim.recording.folder import environment_changes
-    from snr_sim.scenario.library import package_versions
+    from snr_sim.recording.folder import environment_changes, package_versions
 
     changes = environment_changes(trace.header, package_versions(), __version__)
     if not changes:

@@ -58,6 +58,10 @@ VERBS = {
         "Draw or check the state machines of a file, or explain those of a run.",
         ("snr machine check landing.lrp --robot lander", "snr machine view runs/dora_room-0-..."),
     ),
+    "processes": Verb(
+        "Run RoverProcesses: each in a process, or all in one lock step.",
+        ("snr processes rover.py", "snr processes modules Drive Gps --sim 60"),
+    ),
     "io": Verb("Show every channel and reading.", ("snr io --io mcu:/dev/ttyUSB0 --move pwm4",)),
     "doctor": Verb("Check this machine.", ("snr doctor --io mcu:/dev/ttyUSB0",)),
     "bench": Verb(

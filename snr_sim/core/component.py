@@ -333,7 +333,7 @@ def from_page(kind: type[Data], data: object) -> Data:
     except msgspec.ValidationError:
         pass  # it may hold numpy's numbers, which msgspec does not take for numbers
     try:
-        return msgspec.convert(_plain(data), ensure_type_info(kind), from_attributes=True)
+        return msgspec.convert(plain_data(data), ensure_type_info(kind), from_attributes=True)
     except msgspec.ValidationError as error:
         key = declared_key(kind)
         raise TaskError(
@@ -356,10 +356,10 @@ def to_page(key: DataKey, data: msgspec.Struct) -> dict[str, Any]:
             fix=f"store_data(\"{own_key}\", ...), or another class for page '{key}'.",
         )
     try:
-        checked = msgspec.convert(_plain(data), ensure_type_info(kind))
+        checked = msgspec.convert(plain_data(data), ensure_type_info(kind))
     except msgspec.ValidationError as error:
         raise TaskError(f"Page '{key}' is given a {kind.__name__} that is not valid: {_reason(error)}.") from error
-    fields: dict[str, Any] = _plain(checked)
+    fields: dict[str, Any] = plain_data(checked)
     return fields
 
 
@@ -377,16 +377,16 @@ def _reason(error: msgspec.ValidationError) -> str:
     return str(error).replace(" - at `$.", " in field `")
 
 
-def _plain(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
     """Return a value with each Struct in it as a dict, and each number of numpy as Python's."""
     if isinstance(value, msgspec.Struct):
         return {
-            encoded: _plain(getattr(value, name))
+            encoded: plain_data(getattr(value, name))
             for name, encoded in zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True)
         }
     if type(value) is list:
-        return [_plain(item) for item in value]
+        return [plain_data(item) for item in value]
     if type(value) is dict:
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain_data(item) for key, item in value.items()}
     numpy = sys.modules.get("numpy")
     return value.item() if numpy is not None and isinstance(value, numpy.generic) else value

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -110,11 +110,13 @@ Carry: TypeAlias = Callable[[Page, bytes, bytes, object], None]
 
 
 class Transport:
-    """Transport of a link's pages: one subclass per medium. The link calls all but `carry` on its own thread."""
+    """Transport of a link's pages: one subclass per medium. All but `carry` and `carry_to` run on the link's thread."""
 
     # Sends a page to every peer except its sender, on the node's thread. Arguments: the page, its serialised form, its
     # frame, and its sender or None.
     carry: Carry
+    # Sends a frame to the peers whose nodes have these names, also to the one that made its page; returns to how many.
+    carry_to: Callable[[Collection[str], bytes], int]
     notes: Callable[[], Iterable[str]] = tuple  # returns notes for the end of the run
 
     def __init__(self, link: Link) -> None:
@@ -239,17 +241,38 @@ class Link(RestartingLoop):
 
     # Out
 
+    def send(self, page: Page, to: Collection[str] | None = None) -> None:
+        """Send a page, whatever its key, on the node's thread: for a component that decides who gets it.
+
+        Args:
+            page: of this node, or of another one.
+            to: names of the nodes that get it; for those that are not connected it counts as dropped. None sends it
+                to all peers, or keeps it for the next one, as a page of the link's keys.
+
+        Raises:
+            SnrError: it cannot be encoded, and is of this node.
+        """
+        encoded = self._encode(page)
+        if encoded is not None and to is None:
+            self._carry(page, *encoded, None)
+        elif encoded is not None and to:
+            self.dropped += max(0, len(to) - self.transport.carry_to(to, encoded[1]))
+
     def _send_page(self, page: Page) -> None:
         _, by = self._unstored.pop(id(page), (page, None))
+        encoded = self._encode(page)
+        if encoded is not None and (page.origin == self.parent.name or not self._has_relayed(encoded[0])):
+            self._carry(page, *encoded, by)
+
+    def _encode(self, page: Page) -> tuple[bytes, bytes] | None:
+        """Return a page as JSON and as a frame; None if it cannot be sent and is dropped."""
         try:
             raw = encode_page(page)
-            frame = encode_frame(raw, self.options.max_frame_bytes)
+            return raw, encode_frame(raw, self.options.max_frame_bytes)
         except SnrError as error:
             self._unsendable.drop(page, error)
             self.dropped += 1
-            return
-        if page.origin == self.parent.name or not self._has_relayed(raw):
-            self._carry(page, raw, frame, by)
+            return None
 
     def _has_relayed(self, raw: bytes) -> bool:
         """Whether this exact page of another node was forwarded before, and so has arrived in a circle."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -142,6 +142,15 @@ class Peers:
             for peer in peers:
                 if peer is not by and self._is_addressed_to(peer, page, peers) and peer.accepts(frame):
                     peer.put(frame)
+
+    def carry_to(self, names: Collection[str], frame: bytes) -> int:
+        """Queue a page for the peers of these names; return how many are up; see Transport."""
+        with self._membership_lock:
+            peers = [peer for peer in self.up if peer.session.peer_node in names]
+            for peer in peers:
+                if peer.accepts(frame):
+                    peer.put(frame)
+        return len(peers)
 
     def _is_addressed_to(self, peer: Peer, page: Page, peers: Iterable[Peer]) -> bool:
         """Whether a peer should get this page: not if it made the page, as far as node names are unique."""

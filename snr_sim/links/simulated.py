@@ -6,7 +6,7 @@ So a config of several roles runs both as one lock-step simulation and as proces
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import ExitStack
 from functools import partial
 from typing import Any, Generic, TypeVar
@@ -97,6 +97,7 @@ class SimulatedTransport(Transport):
         self.clock: SimClock = link.parent.clock
         self.peers: Peers = Peers(link, config, MIN_TRANSIT_S)
         self.carry: Carry = self.peers.carry
+        self.carry_to: Callable[[Collection[str], bytes], int] = self.peers.carry_to
         self.notes: Callable[[], Iterable[str]] = self.peers.notes
         self._is_server = config.is_server
         self._rendezvous = rendezvous

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import selectors
 import socket
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
 from operator import attrgetter
@@ -54,6 +54,7 @@ class Streams(Transport):
         super().__init__(link)
         self.peers: Peers = Peers(link, config)
         self.carry: Carry = self.peers.carry
+        self.carry_to: Callable[[Collection[str], bytes], int] = self.peers.carry_to
         self.notes: Callable[[], Iterable[str]] = self.peers.notes
         self.streams: list[StreamPeer] = []  # all, including those that are not up
         self.now_s: Callable[[], float] = link.parent.clock.now_s

@@ -116,6 +116,10 @@ class RecordingError(SnrError):
     """A file of pages or text, other than the trace, that cannot be read or written."""
 
 
+class SupervisionError(SnrError):
+    """Supervised processes that failed too often, or a table of deadlines that is corrupt."""
+
+
 class MissingExtraError(SnrError, ImportError):
     """An optional package is not installed."""
 

@@ -8,16 +8,18 @@ import math
 import platform
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from snr_sim import __version__
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.atomic_files import write_atomic
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import Header, digest_of
+from snr_sim.recording.records import Header, digest_of, name_of
 from snr_sim.recording.sources import FOLDER as SOURCES
+from snr_sim.recording.sources import program_sources
 from snr_sim.recording.trace import FILE_NAME
 
 MIN_FREE_BYTES = 50_000_000  # for a run to begin: some minutes of a dive
@@ -25,6 +27,7 @@ RESULT_NAME = "result.json"
 RESULT_SCHEMA = 1  # docs/formats.md, section 4: changes when a field is renamed or removed
 VIEW_NAME = "view.rrd"
 RUNS = Path("runs")  # in the current folder
+_REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
 COMMON_FIELDS: tuple[str, ...] = (  # what every result.json has, or may have
     *("scenario", "seed", "engine", "controller", "success", "outcome", "sim_time_s", "wall_time_s"),
     *("tasks", "pages", "notes", "trace_digest", "run_dir", "error", "signal"),
@@ -192,6 +195,59 @@ def trace_warnings(trace: Trace) -> list[str]:
     if _digest_in_result(trace) not in (None, trace.digest):
         return ["The trace was changed after the run: its digest is not the one in result.json."]
     return [] if trace.is_ended else ["The run did not end by itself; its trace stops at its last record."]
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the installed packages that a run depends on."""
+    from importlib import metadata  # its import takes as long as all others, and few runs need it
+
+    versions = {}
+    for package in _REPORTED_PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def new_header(roles: Sequence[str], commands: Mapping[str, list[str]], **fields: Any) -> Header:
+    """Return the second line of a trace: versions, nodes, and the fields given.
+
+    Args:
+        roles: in the order in which they run.
+        commands: keys of pages that drive actuators, by role.
+        fields: the others.
+    """
+    return Header(
+        version=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        packages=package_versions(),
+        roles=list(roles),
+        nodes=[f"{role}_node" for role in roles],
+        commands={f"{role}_node": commands.get(role, []) for role in roles},
+        **fields,
+    )
+
+
+def header_of_program(
+    roles: Sequence[str], commands: Mapping[str, list[str]], program: Path, clock: str, seed: int
+) -> Header:
+    """Return the second line of the trace of a program without a scenario; arguments as above, and of the run."""
+    return new_header(
+        roles,
+        commands,
+        scenario="",
+        robot="",
+        controller=name_of(str(program)),
+        engine="",
+        io="",
+        seed=seed,
+        options={},
+        clock=clock,
+        sources=program_sources(program),
+        scene={},
+    )
 
 
 def environment_changes(header: Header, packages: Mapping[str, str], version: str) -> list[str]:

@@ -18,15 +18,16 @@ import os
 import re
 import secrets
 import stat
+import sys
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
-from snr_sim.core.reload.sources import SUFFIXES, SourceFiles
+from snr_sim.core.reload.sources import SUFFIXES, SourceFiles, file_of, reading_from, source_files
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.user_folder import user_folder
 from snr_sim.recording.atomic_files import append_whole
@@ -204,6 +205,34 @@ class RecordedFiles(SourceFiles):
         """Let messages show the current content of the files again."""
         for name in self._shown:
             linecache.cache.pop(name, None)
+
+
+@contextmanager
+def keep_copies(run: Path, files: Iterable[Path], is_own: Callable[[Path], bool]) -> Iterator[KeepingFiles]:
+    """Keep copies in a run folder of the user's own files among these, and of files read while active."""
+    kept = KeepingFiles(run, is_own)
+    for path in files:
+        with suppress(OSError):  # it was deleted after it was loaded
+            kept.read(path)
+    with reading_from(kept):
+        yield kept
+
+
+def sha256_of(path: Path) -> str:
+    """Return the sha256 of a file."""
+    return hashlib.sha256(source_files().read(path)).hexdigest()
+
+
+def program_sources(path: Path) -> dict[str, str]:
+    """Return the sha256 of a program's file, by its name in a trace."""
+    return {f"program/{path.name}": sha256_of(path)}
+
+
+def program_files(program: Path) -> list[Path]:
+    """Return a program's file, and the files in its folder and below that this process has imported."""
+    files = [file for module in list(sys.modules.values()) if (file := file_of(module)) is not None]
+    siblings = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
+    return [program, *sorted(set(siblings) - {program})]
 
 
 def read_kept_files(run: Path) -> list[KeptFile]:

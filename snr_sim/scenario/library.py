@@ -15,8 +15,8 @@ import importlib.util
 import os
 import sys
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence, Set
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.machinery import ModuleSpec, SourceFileLoader
@@ -24,13 +24,12 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from snr_sim.core.reload.sources import reading_from, source_files
+from snr_sim.core.reload.sources import source_files
 from snr_sim.core.source_location import describe_error, is_student_file, short_path
 from snr_sim.prelude.errors import ConfigError, MissingExtraError, SnrError, UnknownNameError, suggest
 
 if TYPE_CHECKING:
     from snr_sim.behaviors.bridge import Bridge
-    from snr_sim.recording.sources import KeepingFiles
 
 Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
 
@@ -39,7 +38,6 @@ _CONTROLLER_MODULE = "snr_sim_controller_"
 LRP = ".lrp"  # suffix of a controller that is a state machine in text
 _PROGRAM_MODULE = "snr_sim_program_"
 SCENARIO_MODULE = "snr_sim_scenario_"
-_REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
 _KIT = Path(__file__).resolve().parents[1]
 
 
@@ -124,19 +122,6 @@ def is_of_kit(path: Path) -> bool:
 def is_own(path: Path) -> bool:
     """Return whether a file is a user's own: not one of snr_sim, Python or an installed package."""
     return is_student_file(str(path)) and not is_of_kit(path.resolve())
-
-
-@contextmanager
-def keep_copies(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
-    """Keep copies in a run folder of the user's own files among these, and of files read while active."""
-    from snr_sim.recording.sources import KeepingFiles  # with hashlib: as for `sha256_of`
-
-    kept = KeepingFiles(run, is_own)
-    for path in files:
-        with suppress(OSError):  # it was deleted after it was loaded
-            kept.read(path)
-    with reading_from(kept):
-        yield kept
 
 
 def find_in_kit(kind: Kind, name: str) -> FoundItem | None:
@@ -408,31 +393,6 @@ def files_in_use(used: Sequence[UsedSources]) -> dict[str, Path]:
         for one in used
         for path in {one.file, *one.imported}
     }
-
-
-def sha256_of(path: Path) -> str:
-    """Return the sha256 of a file."""
-    import hashlib  # imports all of OpenSSL, which a student's process does not need
-
-    return hashlib.sha256(source_files().read(path)).hexdigest()
-
-
-def program_sources(path: Path) -> dict[str, str]:
-    """Return the sha256 of a program's file, by its name in a trace."""
-    return {f"program/{path.name}": sha256_of(path)}
-
-
-def package_versions() -> dict[str, str]:
-    """Return the versions of the installed packages that a run depends on."""
-    from importlib import metadata  # its import takes as long as all others, and few runs need it
-
-    versions = {}
-    for package in _REPORTED_PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions
 
 
 def _require(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: str = "") -> None:

@@ -13,16 +13,16 @@ from snr_sim.core.interrupts import graceful_shutdown
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
 from snr_sim.core.output_recording import record_output
-from snr_sim.core.reload.sources import file_of
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError
-from snr_sim.recording.folder import discard, new_run_folder
-from snr_sim.recording.records import Header, TraceInfo, name_of
+from snr_sim.recording.folder import discard, header_of_program, new_run_folder
+from snr_sim.recording.records import Header, TraceInfo
+from snr_sim.recording.sources import keep_copies, program_files
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
-from snr_sim.scenario.simulation import header_of
+from snr_sim.scenario.simulation import commands_of
 from snr_sim.supervision.multi_proc import MultiProcRunner
 
 
@@ -117,7 +117,7 @@ def _record(
         has_node(node)
     try:
         with (
-            library.keep_copies(folder, _files_of(Path(program).resolve())),
+            keep_copies(folder, program_files(Path(program).resolve()), library.is_own),
             graceful_shutdown([node]),
             record_output([node]),
         ):
@@ -131,13 +131,6 @@ def _record(
             print_line(sys.stderr, f"note: {recorder.loss}")
 
 
-def _files_of(program: Path) -> list[Path]:
-    """Return a program's file, and the files in its folder and below that this process has imported."""
-    files = [file for module in list(sys.modules.values()) if (file := file_of(module)) is not None]
-    siblings = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
-    return [program, *sorted(set(siblings) - {program})]
-
-
 def _record_one_of_several(
     folder: Path, program: Path, role: RoleName, config: Config, seed: int, has_node: Callable[[Node], None]
 ) -> None:
@@ -149,18 +142,5 @@ def program_header(
     roles: Sequence[RoleName], config: Config, program: str | Path, clock: Clock | None = None, seed: int = 0
 ) -> Header:
     """Return the second line of the trace of a program; arguments as above."""
-    path = Path(program).resolve()
-    return header_of(
-        roles,
-        config,
-        scenario="",
-        robot="",
-        controller=name_of(str(path)),
-        engine="",
-        io="",
-        seed=seed,
-        options={},
-        clock="sim" if isinstance(clock, SimClock) else "wall",
-        sources=library.program_sources(path),
-        scene={},
-    )
+    name = "sim" if isinstance(clock, SimClock) else "wall"
+    return header_of_program(roles, commands_of(roles, config), Path(program).resolve(), name, seed)

@@ -7,15 +7,14 @@
 from __future__ import annotations
 
 import os
-import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from snr_sim import __version__
 from snr_sim.core.config import AnyFactory, Config, Mode
+from snr_sim.core.reload.sources import source_files
 from snr_sim.core.source_location import short_path
 from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.wire.serial_port import check_port
@@ -25,10 +24,15 @@ from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
-from snr_sim.recording.folder import trace_path
+from snr_sim.processes.enabled import class_in
+from snr_sim.processes.message import BROKER
+from snr_sim.processes.rover_process import RoverProcess
+from snr_sim.processes.runner import ProcessRunner
+from snr_sim.recording.folder import new_header, trace_path
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.recorded_run import RecordedRun
 from snr_sim.recording.records import Header, TraceInfo, name_of
+from snr_sim.recording.sources import sha256_of
 from snr_sim.scenario import library
 from snr_sim.scenario.options import check_options
 from snr_sim.scenario.student_calls import call_student, factories_of
@@ -269,9 +273,9 @@ class Simulation:
 
     def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
         """Return the second line of this run's trace: what runs. `plant` is None for a role without a body."""
-        return header_of(
+        return new_header(
             self.roles,
-            config,
+            commands_of(self.roles, config),
             scenario=name_of(self.request.scenario),
             robot=self.robot.name,
             controller=name_of(self.request.controller or ""),
@@ -299,7 +303,7 @@ class Simulation:
 
     def sources(self) -> dict[str, str]:
         """Return the sha256 of these files."""
-        return {name: library.sha256_of(path) for name, path in sorted(self.files().items())}
+        return {name: sha256_of(path) for name, path in sorted(self.files().items())}
 
 
 def prepare(
@@ -439,33 +443,37 @@ def request_of(trace_info: TraceInfo, header: Header, controller: str = "") -> R
     )
 
 
-def wiring_of_file(name: str) -> Config:
-    """Return the `config` of a program that was recorded without a scenario (`snr_sim/scenario/program.py`).
+def wiring_of_file(name: str, roles: Sequence[str] = ()) -> Config:
+    """Return the wiring of a program that was recorded without a scenario: of its Config or of its RoverProcesses.
+
+    Args:
+        name: path of its file, with a `config`, a ProcessRunner, or a class for each process.
+        roles: of the run.
 
     Raises:
-        ConfigError: the file has no Config of that name.
+        ConfigError: the file has none of these.
     """
     module = library.load_program(name)
     config = getattr(module, "config", None)
-    if not isinstance(config, Config):
+    if isinstance(config, Config):
+        return config
+    runner = next((one for one in vars(module).values() if isinstance(one, ProcessRunner)), None)
+    if runner is None and BROKER in roles:
+        runner = ProcessRunner([_process_class(module, role) for role in roles if role != BROKER])
+    if runner is None:
         raise ConfigError(
             f"{name} has no `config` that is a Config.", fix="config = Config(factories={...}) at top level."
         )
-    return config
+    return runner.config()
 
 
-def header_of(roles: Sequence[str], config: Config, **fields: Any) -> Header:
-    """Return the second line of a trace: versions, nodes and the pages that drive actuators, and the fields given."""
-    return Header(
-        version=__version__,
-        python=platform.python_version(),
-        platform=platform.platform(),
-        packages=library.package_versions(),
-        roles=list(roles),
-        nodes=[f"{role}_node" for role in roles],
-        commands={
-            f"{role}_node": [one.key for one in config.get(role) if isinstance(one, ActuatorLoopFactory)]
-            for role in roles
-        },
-        **fields,
-    )
+def _process_class(module: ModuleType, name: str) -> type[RoverProcess]:
+    """Return the class of a process: in this file, or in the file of its name next to it."""
+    file = Path(str(module.__file__)).with_name(f"{name}.py")
+    has_own_file = not hasattr(module, name) and source_files().is_file(file)
+    return class_in(vars(library.load_program(str(file)) if has_own_file else module), name)
+
+
+def commands_of(roles: Sequence[str], config: Config) -> dict[str, list[str]]:
+    """Return the keys of pages that drive actuators, by role."""
+    return {role: [one.key for one in config.get(role) if isinstance(one, ActuatorLoopFactory)] for role in roles}

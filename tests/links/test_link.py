@@ -14,7 +14,7 @@ import pytest
 from snr_sim import Config, LinkFaults, MemoryLink, Node, Page, SimRunner, SocketsPair, Task, ZenohNet
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
-from snr_sim.links.link import MAX_REJECTED_KEYS
+from snr_sim.links.link import MAX_REJECTED_KEYS, Link
 from snr_sim.links.options import LinkOptions
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError
 from snr_sim.testing.function_components import FunctionEndpointFactory, FunctionLoopFactory
@@ -325,3 +325,36 @@ def test_peer_with_a_thousand_other_keys_fills_no_memory(
     assert "takes 20 different keys" in warning
     assert "accept=[...]" in warning
     assert warning.isprintable()
+
+
+def test_send_reaches_the_named_peers_only_and_counts_absent_ones() -> None:
+    pair = SocketsPair(("127.0.0.1", 0), name="net")
+    runner = SimRunner(
+        Config(factories={"s": [pair.server()], "a": [pair.client()], "b": [pair.client()]}),
+        until_s=2.0,
+        log_notes=False,
+    )
+    node = runner.nodes["s"]
+    link = node.components["link_net"]
+    assert isinstance(link, Link)
+    page = node.page("k", 1)
+    # Equal pages of another node, as of a publisher that repeats itself: none is taken for one that went in a circle.
+    relayed = Page("k", 2, "far_node", 0.5)
+    runner.clock.call_at(1.0, lambda: link.send(page, ["a_node", "absent_node"]))
+    for time_s in (1.1, 1.1):
+        runner.clock.call_at(time_s, lambda: link.send(relayed, ["b_node"]))
+    runner.run()
+    assert runner.nodes["a"].get_data("k") == 1
+    assert runner.nodes["b"].get_data("k") == 2
+    state = node.get_data("link_net")
+    assert (state["dropped"], state["peers"]["b_node"]["sent"]) == (1, 2)
+
+
+def test_send_to_all_keeps_a_page_of_any_key_for_the_first_peer() -> None:
+    pair = SocketsPair(("127.0.0.1", 0), name="net")
+    runner = SimRunner(Config(factories={"s": [pair.server()], "a": [pair.client()]}), until_s=1.0, log_notes=False)
+    link = runner.nodes["a"].components["link_net"]
+    assert isinstance(link, Link)
+    link.send(runner.nodes["a"].page("early", 1))
+    runner.run()
+    assert runner.nodes["s"].get_data("early") == 1

@@ -15,9 +15,10 @@ from snr_sim.core.output_recording import record_output
 from snr_sim.prelude.errors import SnrError
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord, TraceInfo
+from snr_sim.recording.sources import keep_copies, program_files
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
-from snr_sim.scenario.program import _files_of, program_header
+from snr_sim.scenario.program import program_header
 from snr_sim.scenario.replay_files import files_of_replay
 from tests.recording.random_programs import HEAD, HELPERS, Program, programs, programs_with_processes
 
@@ -42,7 +43,7 @@ def record(folder: Path, program: Program) -> Path:
                 config, clock=clock, recorder=writer, seed=program.seed, until_s=program.until_s, log_notes=False
             )
             nodes = list(runner.nodes.values())
-        with library.keep_copies(run, _files_of(file)), record_output(nodes), suppress(SnrError):
+        with keep_copies(run, program_files(file), library.is_own), record_output(nodes), suppress(SnrError):
             runner.run()
     finally:
         writer.close()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from snr_sim.prelude.errors import ConfigError, UnknownNameError
+from snr_sim.recording.sources import sha256_of
 from snr_sim.scenario import library
 
 ROBOT = """
@@ -163,7 +164,7 @@ def test_hash_of_used_file_changes_with_file(here: Path) -> None:
 
 
 def hashes(used: list[library.UsedSources]) -> dict[str, str]:
-    return {name: library.sha256_of(path) for name, path in library.files_in_use(used).items()}
+    return {name: sha256_of(path) for name, path in library.files_in_use(used).items()}
 
 
 def in_use_by(controller: str) -> list[library.UsedSources]:

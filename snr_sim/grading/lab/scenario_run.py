@@ -25,6 +25,7 @@ from snr_sim.prelude.values import decode_value
 from snr_sim.recording.folder import write_result
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import ErrorRecord, PageRecord, TruthRecord
+from snr_sim.recording.sources import keep_copies
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
 from snr_sim.scenario.options import check_options
@@ -95,7 +96,7 @@ def run_scenario(
             folder.mkdir(parents=True)
             # What ran on this computer without a wall may be replayed here without a question.
             files = simulation.files().values() if student.isolation == "none" else ()
-            with library.keep_copies(folder, files):
+            with keep_copies(folder, files, library.is_own):
                 run = _execute(simulation, plant, config, remote, inputs, folder, is_kept=True)
             student.run_folder = folder
         else:

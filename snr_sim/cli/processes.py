@@ -1,0 +1,80 @@
+"""`snr processes FILE [NAMES]`: runs RoverProcesses, each in a process or all in one lock step."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from snr_sim.cli.arguments import AsJson, Out
+from snr_sim.cli.output import capture_output, print_json, print_text
+from snr_sim.core.standard_streams import print_line
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError
+
+if TYPE_CHECKING:
+    from snr_sim.processes.runner import ProcessRunner
+
+
+def processes(
+    file: Annotated[Path, typer.Argument(help="A Python file, or a folder with a file for each name.")],
+    names: Annotated[list[str] | None, typer.Argument(help="Which classes; all of the file if not given.")] = None,
+    sim_s: Annotated[float, typer.Option("--sim", metavar="S", help="Simulate so many seconds in lock step.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="Of the run.")] = 0,
+    out: Out = Path("runs"),
+    as_json: AsJson = False,
+) -> None:
+    """Run RoverProcesses: each in a process, or all in one lock step.
+
+    Processes run until Ctrl-C, or until one of them calls terminate_state(). Their logs are in the run folder. A
+    simulation is recorded there, too: snr replay RUN executes it again.
+
+    Exit status: 0 all ended in order, 1 a process failed, 2 nothing was started.
+    """
+    if not 0.0 <= sim_s < float("inf"):
+        raise ParameterError(f"--sim is {sim_s:g}.", fix="seconds, such as --sim 60.")
+    from snr_sim.recording.folder import new_run_folder
+
+    runner = runner_of(file, names or [], seed)
+    error, folder = "", None if sim_s else new_run_folder(out, file.stem, seed)
+    with capture_output(as_json):
+        try:
+            if folder is None:
+                folder = runner.simulate(sim_s, out)
+            else:
+                runner.run(folder.resolve())
+        except ComponentFailedError as failure:
+            error = str(failure)
+    if as_json:
+        run = None if folder is None else str(folder)
+        print_json({"run_dir": run, "processes": [spec.name for spec in runner.specs], "error": error})
+    elif error:
+        print_line(sys.stderr, error)
+    else:
+        print_text(folder)
+    sys.exit(1 if error else 0)
+
+
+def runner_of(file: Path, names: list[str], seed: int) -> ProcessRunner:
+    """Return a runner of the processes in a file, or of those that have files in a folder.
+
+    Raises:
+        ConfigError: there is no such file or class, or no process in it.
+    """
+    from snr_sim.processes.enabled import class_in, load_file
+    from snr_sim.processes.rover_process import RoverProcess
+    from snr_sim.processes.runner import ProcessRunner
+
+    if file.is_dir():
+        return ProcessRunner(names, folder=file, seed=seed)
+    if not file.is_file():
+        raise ConfigError(f"There is no file {file}.", fix="a Python file, or a folder of them.")
+    found = load_file(file.resolve())
+    if names:
+        return ProcessRunner([class_in(found, name) for name in names], seed=seed)
+    runners = [one for one in found.values() if isinstance(one, ProcessRunner)]
+    if runners:
+        return ProcessRunner(runners[0].specs, seed=seed)
+    kinds = [one for one in found.values() if isinstance(one, type) and issubclass(one, RoverProcess)]
+    return ProcessRunner([one for one in kinds if one.__module__ == file.stem], seed=seed)

@@ -1,0 +1,91 @@
+"""Messages between RoverProcesses: pages with a key and plain data, checked where they are published.
+
+The state manager keeps some keys for itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from snr_sim.core.component import plain_data
+from snr_sim.links.messages import encode_page
+from snr_sim.prelude.errors import ConfigError, SnrError, ValueEncodingError
+from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.task import Page, snapshot
+
+BROKER = "state_manager"  # role of the broker, and its component
+LINK = "processes"  # name of the link between a process and the broker, at both ends
+LINK_PAGE = f"link_{LINK}"  # the link's component, and the page of its state
+MAX_KEY_CHARS = 64
+
+# Keys that the broker keeps for itself. A process sends its whole list of subscriptions, at each connect and at each
+# change: {"keys": [...], "last": [...]}, where "last" has those whose last value it asks for.
+SUBSCRIPTIONS = "$subscriptions"
+TERMINATE = "$terminate"  # asks the broker to end all processes
+QUIT = "quit"
+PET, EXTEND, RESET = "wd_pet", "wd_extend", "wd_reset"
+_METHODS = {
+    "subscribe": "self.subscribe({0!r})",
+    "unsubscribe": "self.unsubscribe({0!r})",
+    QUIT: "self.terminate_state()",
+    PET: "self.watchdog_pet()",
+    EXTEND: "self.watchdog_extend({0!r})",
+    RESET: "self.watchdog_reset()",
+}
+
+
+class RoverMessage(NamedTuple):
+    """A message: its key, and its data, which are plain values."""
+
+    key: str
+    data: Any
+
+
+def check_key(process: str, verb: str, key: Any, value: Any = None) -> None:
+    """Raise a ConfigError unless a process can publish, or subscribe to, a key.
+
+    >>> check_key("Drive", "publishes", "wd_pet")
+    Traceback (most recent call last):
+    snr_sim.prelude.errors.ConfigError: Drive publishes 'wd_pet', which the state manager keeps for itself.
+      Try: self.watchdog_pet().
+    """
+    if not (isinstance(key, str) and 0 < len(key) <= MAX_KEY_CHARS and key.isprintable()):
+        raise ConfigError(
+            f"{process} {verb} {repr(key)[:80]}, which is not a key.",
+            fix=f"a key is text of 1 to {MAX_KEY_CHARS} characters that can be printed, such as 'joystick1'.",
+        )
+    if key in _METHODS:
+        fix = f"{_METHODS[key].format(value)}."
+    elif key.startswith("$"):
+        fix = f"a key without the $: {key.lstrip('$') or 'speed'!r}."
+    elif key.startswith(("wd_", "link_")):
+        fix = f"another name: {'my_' + key!r}."
+    else:
+        return
+    raise ConfigError(f"{process} {verb} {key!r}, which the state manager keeps for itself.", fix=fix)
+
+
+def page_of(process: str, node: NodeApi, key: str, value: Any, process_here: bool = False) -> Page:
+    """Return a page of a node with a copy of a value, in which each Struct is a dict.
+
+    Args:
+        process: its name, for messages.
+        node: its node.
+        key: of the page.
+        value: plain data, or msgspec Structs.
+        process_here: whether the node itself handles the page, too.
+
+    Raises:
+        ValueEncodingError: the value cannot be sent to another process.
+    """
+    objects: list[Any] = []
+    try:
+        page = Page(key, snapshot(plain_data(value), objects), node.name, node.get_time_s(), process_here)
+        encode_page(page)
+    except (RecursionError, SnrError) as error:
+        found = f"<{type(objects[0]).__name__} object>" if objects else getattr(error, "message", "it contains itself.")
+        raise ValueEncodingError(
+            f"{process} published {key!r} with a value that cannot be sent to another process: {found}",
+            fix="send numbers, text, lists, dicts, or a msgspec Struct.",
+        ) from error
+    return page

@@ -1,0 +1,133 @@
+"""StateManager: the broker, an endpoint that passes each message on to the processes that subscribe to its key.
+
+Its node stores each page before it handles it, so the last value of each key is there. The link carries a message to
+the peers that the broker names, with a bounded queue for each: `peers` in page `link_processes` counts what waits and
+what was dropped.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from typing import Any
+
+from msgspec.structs import replace
+
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.links.link import Link
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import suggest
+from snr_sim.prelude.node_api import NodeApi
+from snr_sim.prelude.task import Page, SomeTasks, Task, TaskId, TaskType
+from snr_sim.processes.message import EXTEND, LINK_PAGE, PET, QUIT, RESET, SUBSCRIPTIONS, TERMINATE
+from snr_sim.processes.seed_names import SeedNames
+from snr_sim.processes.subscriptions import Subscriptions
+from snr_sim.supervision.watch import Watch
+
+HANG_S = 5.0  # silence of a process that counts as a hang, until it says otherwise
+HANGING = "hanging"  # page with the names of the processes that hang
+
+
+class StateManager(SeedNames, Endpoint):
+    """Passes messages on, keeps the last value of each key, and watches which process hangs.
+
+    Attributes:
+        table: who subscribes to what.
+        watch: the deadlines of the processes that have connected.
+    """
+
+    def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.table: Subscriptions = Subscriptions()
+        self.watch: Watch = Watch()
+        self._published: Counter[tuple[str, str]] = Counter()  # by key and process
+        self._own = {
+            SUBSCRIPTIONS: self._set_subscriptions,
+            TERMINATE: lambda name, data: self.terminate_state(),
+            PET: lambda name, data: self.watch.pet(name, self.get_time_s()),
+            EXTEND: lambda name, data: self.watch.extend(name, data),
+            RESET: self._reset_watch,
+        }
+        self.task_handlers = {TaskType.store_page: self.on_stored}
+
+    def on_stored(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Do what a process asks for, or pass its message on."""
+        page = task.page
+        assert page is not None
+        if page.origin == self.parent.name:
+            return self._report_hangs() if page.key == LINK_PAGE else None
+        name = page.origin.removesuffix("_node")
+        if name not in self.watch.deadlines:  # what a process publishes in `setup` is older than its connection
+            self.watch.add(name, HANG_S, self.get_time_s())
+        own: Any = self._own.get(page.key)
+        if own is not None:
+            own(name, page.data)
+            return None
+        self._published[page.key, name] += 1
+        self._send([other for other in self.table.of(page.key) if other != name], page)
+        return None
+
+    def _send(self, names: Collection[str], page: Page) -> None:
+        link = self.parent.components.get(LINK_PAGE)  # there is none in a replay
+        if names and isinstance(link, Link):
+            link.send(replace(page, process=True), [f"{name}_node" for name in names])
+
+    def _set_subscriptions(self, name: str, data: dict[str, Any]) -> None:
+        self.table.set_keys(name, data["keys"])
+        for key in data["last"]:
+            page = self.parent.datastore.pages.get(key)
+            if page is not None:
+                # Of this node: a link does not bring a node its own pages, and this one may be older than its process.
+                self._send([name], replace(page, origin=self.parent.name))
+
+    def _reset_watch(self, name: str, data: Any) -> None:
+        self.watch.reset(self.get_time_s())
+        self.log.info("%s has reset the watchdog of all processes.", name)
+
+    def _report_hangs(self) -> SomeTasks:
+        names = self.watch.take_hanging(self.get_time_s())
+        for name in names:
+            timeout_s = self.watch.deadlines[name].timeout_s
+            text = f"{name} has not reported for {timeout_s:g} s"
+            self.log.warning("%s.", text)
+            self.parent.add_note(
+                f"t = {self.get_time_s():.3f} s: {text}. A loop that waits longer needs watchdog_extend(seconds)."
+            )
+        return self.store_data_task(HANGING, names) if names else None
+
+    # The seed's interface
+
+    def add_subscriber(self, key: str, name: str) -> None:
+        """Let a process receive a key until it sends its own list again."""
+        self.table.add(key, name)
+
+    def remove_subscriber(self, key: str, name: str) -> None:
+        """Let a process receive a key no more, until it sends its own list again."""
+        self.table.remove(key, name)
+
+    def dump_subscribers(self) -> str:
+        """Return a line for each key, with its subscribers."""
+        return self.table.dump()
+
+    def terminate_state(self) -> None:
+        """End all processes that have connected, and the broker."""
+        self._send(list(self.watch.deadlines), self.page(QUIT, ""))
+        self.schedule(tasks.finish(QUIT))
+
+    def terminate(self) -> None:
+        """Note the keys that were published for no subscriber, and those that were never published."""
+        if self.parent.never_ran:
+            return
+        ever, published = self.table.ever, {key for key, _ in self._published}
+        for (key, name), count in sorted(self._published.items()):
+            if key not in ever:
+                near = suggest(key, ever, "subscribed are")
+                of = next(
+                    (f" ({', '.join(self.table.of(one))} subscribes to it.)" for one in ever if f"'{one}'?" in near), ""
+                )
+                what = f"No process subscribed to '{key}', which {name} published {count} times"
+                self.parent.add_note(f"{what}; {near}{of}")
+        for key in sorted(ever - published):
+            near = suggest(key, published, "published were")
+            names = ", ".join(self.table.of(key)) or "A process"
+            self.parent.add_note(f"{names} subscribed to '{key}', never published; {near}")

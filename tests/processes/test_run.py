@@ -1,0 +1,152 @@
+"""RoverProcesses in processes of their own: the same rules as in lock step, by the wall clock."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.processes import ProcessRunner, RoverServer
+
+pytestmark = pytest.mark.slow
+
+COUNT = 500
+
+
+class Logs(RoverServer):
+    """Logs its life; ends all after a minute."""
+
+    def setup(self, args: Any) -> None:
+        self.args = args
+        self.log("setup")
+
+    def loop(self) -> float:
+        if self.get_time_s() > 60.0:
+            self.terminate_state()
+        return 0.05
+
+    def cleanup(self) -> None:
+        self.log("cleanup")
+
+
+class Sends(Logs):
+    """Publishes numbers once the reader is there; receives them itself, too."""
+
+    def setup(self, args: Any) -> None:
+        super().setup(args)
+        self.got: list[int] = []
+        self.subscribe("number")
+        self.subscribe("here")
+
+    def on_here(self, data: Any) -> None:
+        self.unsubscribe("here")
+        for number in range(COUNT):
+            self.publish("number", number)
+
+    def on_number(self, data: int) -> None:
+        self.got.append(data)
+
+    def on_quit(self, data: Any) -> None:
+        self.log(self.got == [*range(COUNT), -1])
+
+
+class Reads(Logs):
+    """Says that it is there, reads numbers until the last one, and ends all."""
+
+    def setup(self, args: Any) -> None:
+        super().setup(args)
+        self.got: list[int] = []
+        self.subscribe("number")
+
+    def on_number(self, data: int) -> None:
+        self.got.append(data)
+        if data == COUNT - 1:
+            self.log(self.got == list(range(COUNT)))
+            self.unsubscribe("number")
+            self.publish("number", -1)
+            self.terminate_state()
+        assert data >= 0
+
+    def loop(self) -> float:
+        if not self.got:
+            self.publish("here", 1)
+        return super().loop()
+
+
+class Fails(Logs):
+    """Raises in its loop."""
+
+    def loop(self) -> float:
+        raise ValueError("no wheel")
+
+
+class Stops(Logs):
+    """Sends a signal to the program that has started it."""
+
+    def loop(self) -> float:
+        os.kill(os.getppid(), signal.SIGTERM)
+        return 3600.0
+
+
+class TwoThreads(Logs):
+    """Logs whether its handlers and its loop have threads of their own, and its spawned function another one."""
+
+    def setup(self, args: Any) -> None:
+        self.threads: dict[str, int] = {}
+        self.subscribe("k")
+        self.spawn_thread(self.wait, pause_s=0.01)
+
+    def wait(self, pause_s: float) -> Iterator[float]:
+        while True:
+            self.note("spawned")
+            yield pause_s
+
+    def note(self, what: str) -> None:
+        with self.lock:
+            self.threads[what] = threading.get_ident()
+            if len(self.threads) == 3:
+                self.terminate_state()
+
+    def on_k(self, data: Any) -> None:
+        self.note("handler")
+
+    def loop(self) -> float:
+        self.publish("k", 1)
+        self.note("loop")
+        return super().loop()
+
+    def cleanup(self) -> None:
+        names = {thread.ident for thread in threading.enumerate()}
+        self.log([len(set(self.threads.values())), self.threads["spawned"] in names])
+
+
+def logged(folder: Path) -> dict[str, list[str]]:
+    lines = {path.parent.name: path.read_text().splitlines() for path in folder.glob("*/log.txt")}
+    return {name: [line.split(maxsplit=3)[3] for line in of] for name, of in lines.items()}
+
+
+def test_messages_arrive_in_order_and_terminate_state_ends_all(tmp_path: Path) -> None:
+    ProcessRunner([Sends, Reads]).run(tmp_path)
+    assert logged(tmp_path) == {"Sends": ["setup", "True", "cleanup"], "Reads": ["setup", "True", "cleanup"]}
+
+
+def test_exception_in_loop_ends_all_and_names_the_line(tmp_path: Path) -> None:
+    with pytest.raises(ComponentFailedError, match=r'(?s)test_run.py, line \d+: raise ValueError\("no wheel"\)'):
+        ProcessRunner([Fails, Logs]).run(tmp_path)
+    assert logged(tmp_path) == {"Fails": ["setup", "cleanup"], "Logs": ["setup", "cleanup"]}
+
+
+def test_handlers_loop_and_spawned_functions_have_threads_of_their_own(tmp_path: Path) -> None:
+    ProcessRunner([TwoThreads]).run(tmp_path)
+    assert logged(tmp_path) == {"TwoThreads": ["[3, False]"]}
+
+
+def test_sigterm_cleans_up_each_process(tmp_path: Path) -> None:
+    ProcessRunner([Stops, Logs]).run(tmp_path)
+    assert logged(tmp_path) == {"Stops": ["setup", "cleanup"], "Logs": ["setup", "cleanup"]}
