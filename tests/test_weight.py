@@ -7,11 +7,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Lines of Python: 2 % more than on 2026-11-27; the rover's packages as they are.
 MAX_LINES = {
-    "snr_sim": 83010,
+    "snr_sim": 84160,
     "snr_sim/behaviors": 8960,
     "snr_sim/cli": 4115,
     "snr_sim/console": 1920,
-    "snr_sim/core": 8940,
+    "snr_sim/core": 8945,
     "snr_sim/devices": 8930,
     "snr_sim/grading": 7310,
     "snr_sim/learning": 4030,
@@ -20,9 +20,9 @@ MAX_LINES = {
     "snr_sim/prelude": 2870,
     "snr_sim/recording": 4740,
     "snr_sim/scenario": 3905,
-    "snr_sim/schemas": 120,
+    "snr_sim/schemas": 130,
     "snr_sim/std_mods": 870,
-    "snr_sim/supervision": 470,
+    "snr_sim/supervision": 1540,
     "snr_sim/teleop": 1015,
     "snr_sim/testing": 2540,
     "snr_sim/view": 3220,
@@ -30,7 +30,7 @@ MAX_LINES = {
     "robots": 5303,
     "scenarios": 2031,
     "assignments": 8500,
-    "tests": 92510,
+    "tests": 93420,
     "snr_sim/grading/sandbox": 800,
 }
 
