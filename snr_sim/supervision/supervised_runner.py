@@ -97,7 +97,7 @@ class SupervisedRunner:
             try:
                 self._processes.prepare()
                 self._checked_s = time.monotonic()
-                self._obey(self._tree.begin(self._checked_s))
+                self._execute(self._tree.begin(self._checked_s))
                 self._processes.release()
                 while not self._tree.is_over:
                     self._report_changes()
@@ -126,12 +126,12 @@ class SupervisedRunner:
             self._tree.watch.reset(now_s)
             print_line(sys.stderr, f"note: the supervisor did not run for {now_s - self._checked_s:.1f} s.")
         self._checked_s = now_s
-        self._obey(self._tree.tick(now_s))
+        self._execute(self._tree.tick(now_s))
 
     def _handle(self, what: str, name: str, *values: Any) -> None:
         now_s = time.monotonic()
         if what == "signal":
-            self._obey(self._tree.stop(now_s))
+            self._execute(self._tree.stop(now_s))
         elif what == "beat":
             self._tree.petted(name, now_s)
             self._usages[name].beat(now_s, *values)
@@ -146,9 +146,9 @@ class SupervisedRunner:
     def _on_end(self, name: str, status: int, now_s: float) -> None:
         process = self._processes.ended(name)
         self._usages[name].last_lines = process.last_lines
-        self._obey(self._tree.ended(name, status, process.exit_message(status, "", PRINTED_NOTHING), now_s))
+        self._execute(self._tree.ended(name, status, process.exit_message(status, "", PRINTED_NOTHING), now_s))
 
-    def _obey(self, orders: Iterable[Order]) -> None:
+    def _execute(self, orders: Iterable[Order]) -> None:
         for what, name in orders:
             if what == "start":
                 timeouts = self._tree.process(name).child.timeouts

@@ -36,14 +36,12 @@ class Tree:
         root: the supervisor at the top.
         watch: deadlines of the processes that start or run.
         safe_stop: why there was a safe stop; empty without one. It is never cleared.
-        is_stopping: whether all processes are being ended, or have been.
     """
 
     def __init__(self, plan: Supervisor, backoff: Backoff | None = None) -> None:
         self.root: Branch = Branch(plan, None)
         self.watch: Watch = Watch()
         self.safe_stop: str = ""
-        self.is_stopping: bool = False
         self._backoff = backoff or Backoff()
         self._processes = {process.name: process for process in self.root.processes()}
         self._orders: list[Order] = []
@@ -158,13 +156,13 @@ class Tree:
         branch.down_from = index if branch.down_from is None else min(branch.down_from, index)
         at_s = branch.members[index].restart_at_s or 0.0
         for member in branch.members[index + 1 :]:
-            is_wanted = member.is_up or member.is_waiting
+            is_required = member.is_up or member.is_waiting
             if isinstance(member, Branch):
                 member.cancel_restarts()
             elif member.child.restart == "never":
-                is_wanted = False
+                is_required = False
             at_s = max(at_s, member.restart_at_s or 0.0)  # so that the order of the start is kept
-            member.restart_at_s = at_s if is_wanted else None
+            member.restart_at_s = at_s if is_required else None
 
     def _settle(self, now_s: float) -> list[Order]:
         """Carry on what is due, and return the orders."""
@@ -191,8 +189,6 @@ class Tree:
                 branch.is_failing = False
                 self._member_failed(branch, branch.why, now_s)
                 return
-        if self.is_stopping:
-            return
         for member in branch.members:
             if member.restart_at_s is not None and member.restart_at_s <= now_s:
                 self._start(member, now_s)
@@ -232,6 +228,6 @@ class Tree:
             self.watch.remove(process.name)
 
     def _stop(self) -> None:
-        self.is_stopping = True
+        """End all, and drop every pending restart; what fails from now on is being ended, so none follows."""
         self.root.down_from = 0
         self.root.cancel_restarts()

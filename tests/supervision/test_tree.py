@@ -105,6 +105,24 @@ def test_rest_for_one_waits_for_all_that_ends_before_it_starts_any() -> None:
     assert world.tree.root.budget_left(world.now_s) == 2
 
 
+def test_chain_is_started_in_order_by_the_longest_delay_before_each() -> None:
+    world = World(group("root", "camera", "detector", "planner", strategy="rest_for_one", restarts=9))
+    for delay_s in (1.0, 2.0):
+        world.end("detector", 1)
+        world.answer()
+        world.tick(delay_s)
+    world.end("detector", 1)  # its next delay is 4 s
+    world.end("camera", 1)
+    world.answer()
+    world.take_log()
+    world.tick(1.0)
+    assert world.take_log() == ["start camera"]
+    world.tick(2.9)
+    assert world.take_log() == []
+    world.tick(0.1)
+    assert world.take_log() == ["start detector", "start planner"]
+
+
 def test_hang_is_asked_to_end_then_killed_restarted_and_counted_once() -> None:
     world = World(group("root", "drive", "gps"))
     world.pet("gps")
@@ -149,6 +167,18 @@ def test_group_that_exceeds_its_budget_ends_in_order_and_is_restarted_by_its_par
     why = "gps failed 2 times in 1 s (1 restart is allowed in 10 s), last: the port is gone"
     assert world.tree.root.members[1].why == why
     assert world.tree.safe_stop == ""
+
+
+def test_restart_that_was_due_in_a_group_is_dropped_when_the_group_fails() -> None:
+    world = World(group("root", group("parts", "drive", "gps", restarts=1)))
+    world.take_log()
+    world.end("drive", 1)
+    world.now_s += 0.5
+    world.end("gps", 1)
+    world.tick(0.5)
+    assert world.take_log() == []
+    world.tick(0.5)
+    assert world.take_log() == ["start drive", "start gps"]
 
 
 def test_root_that_exceeds_its_budget_is_a_safe_stop_with_all_reasons() -> None:

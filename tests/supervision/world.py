@@ -1,4 +1,4 @@
-"""Processes that exist in a test only: they obey the orders of a tree, and check what must hold for each order."""
+"""Processes that exist in a test only: they execute the orders of a tree, and check what must hold for each order."""
 
 from snr_sim.supervision.members import Branch, Process
 from snr_sim.supervision.plan import Backoff, Intensity, Restart, Strategy, Supervisor, Timeouts
@@ -35,7 +35,7 @@ class World:
         self.log: list[str] = []
         self.stops = 0
         self.is_latched = False
-        self.obey(self.tree.begin(0.0))
+        self.execute(self.tree.begin(0.0))
 
     def take_log(self) -> list[str]:
         log, self.log = self.log, []
@@ -46,7 +46,7 @@ class World:
     def tick(self, seconds: float) -> None:
         """Lets time pass; all at once, as on a computer that was busy."""
         self.now_s += seconds
-        self.obey(self.tree.tick(self.now_s))
+        self.execute(self.tree.tick(self.now_s))
 
     def run(self, seconds: int, *working: str) -> None:
         """Lets time pass second by second, while some processes report."""
@@ -63,7 +63,7 @@ class World:
     def end(self, name: str, status: int = 0, why: str = "it broke") -> None:
         if name in self.asked_s:
             del self.asked_s[name]
-            self.obey(self.tree.ended(name, status, why, self.now_s))
+            self.execute(self.tree.ended(name, status, why, self.now_s))
 
     def answer(self) -> None:
         """Ends each process that was asked to, and those asked then, until none is."""
@@ -73,11 +73,11 @@ class World:
     def stop(self) -> None:
         self.stops += 1
         self.is_latched = True
-        self.obey(self.tree.stop(self.now_s))
+        self.execute(self.tree.stop(self.now_s))
 
     # Orders
 
-    def obey(self, orders: list[Order]) -> None:
+    def execute(self, orders: list[Order]) -> None:
         for what, name in orders:
             self.log.append(f"{what} {name}".strip())
             if what == "start":
@@ -103,7 +103,7 @@ class World:
         process = self.tree.process(name)
         if process.life == "hung" or self.stops > 1:
             return
-        group = self.tree.root if self.tree.is_stopping else process.parent
+        group = self.tree.root if self.is_latched else process.parent
         assert group is not None
         names = [one.name for one in group.processes()]
         assert not [later for later in names[names.index(name) + 1 :] if later in self.asked_s]
@@ -113,8 +113,8 @@ class World:
         for part in branch.parts():
             if isinstance(part, Process):
                 assert part.is_up == (part.name in self.asked_s)
-                is_wanted = part.child.restart == "always" and not self.is_latched
-                assert part.is_up or not is_wanted or is_changing(part)
+                is_required = part.child.restart == "always" and not self.is_latched
+                assert part.is_up or not is_required or is_changing(part)
         for group in (branch, *branch.parts()):
             if isinstance(group, Branch) and not self.is_latched and not is_changing(group):
                 assert group.budget_left(self.now_s) >= 0
