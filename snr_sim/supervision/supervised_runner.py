@@ -105,7 +105,7 @@ class SupervisedRunner:
             finally:
                 self._processes.kill_all()  # only if this program fails itself
                 self._processes.release()
-                self._report_changes()
+        self._report_changes()
         if self._tree.safe_stop:
             self._print_last_lines()
             raise SupervisionError(

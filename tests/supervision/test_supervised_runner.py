@@ -4,6 +4,8 @@ import os
 import re
 import signal
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,7 @@ from snr_sim.supervision import Child, SupervisedRunner, Supervisor
 from snr_sim.supervision.health import read_health
 from snr_sim.testing.function_components import FunctionEndpointFactory
 from tests.slowness import slowness
-from tests.supervision.test_multi_proc import Program, is_alive, run
+from tests.supervision.test_multi_proc import LIMIT_S, Program, is_alive, run
 
 
 def hang_s() -> str:
@@ -24,6 +26,13 @@ def hang_s() -> str:
 
 def pids(program: Program, role: str) -> list[int]:
     return [int(pid) for pid in re.findall(rf"\[{role}\] begun (\d+)", program.out)]
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < deadline_s
+        threading.Event().wait(0.05)
 
 
 @pytest.mark.slow
@@ -69,8 +78,7 @@ def test_silent_role_is_ended_or_killed_and_started_again(kind: str, tmp_path: P
     program.wait_for("begun", 2)
     (b,) = pids(program, "b")
     if kind == "SIGSTOP":
-        while read_health(tmp_path).is_degraded:  # a report shows that it has begun
-            threading.Event().wait(0.05)
+        wait_until(lambda: not read_health(tmp_path).is_degraded)  # a report shows that it has begun
         os.kill(b, signal.SIGSTOP)
     program.wait_for("[b] begun", 2)
     assert not is_alive(b)
@@ -79,6 +87,22 @@ def test_silent_role_is_ended_or_killed_and_started_again(kind: str, tmp_path: P
     assert status == 0
     assert "root/b is hung: it hung: no report for " in err
     assert len(pids(program, "a")) == 1
+
+
+@pytest.mark.wall_clock
+def test_silence_while_the_supervisor_itself_is_stopped_is_not_a_hang(tmp_path: Path) -> None:
+    program = Program("nothing", "supervised", "0", hang_s(), str(tmp_path))
+    program.wait_for("begun", 2)
+    wait_until(lambda: not read_health(tmp_path).is_degraded)
+    os.kill(program.process.pid, signal.SIGSTOP)
+    threading.Event().wait(1.5 * float(hang_s()))
+    os.kill(program.process.pid, signal.SIGCONT)
+    wait_until(lambda: "note: the supervisor did not run for " in program.err)
+    program.signal(signal.SIGTERM)
+    status, err = program.finish()
+    assert status == 0
+    assert "hung" not in err
+    assert (len(pids(program, "a")), len(pids(program, "b"))) == (1, 1)
 
 
 @pytest.mark.slow
@@ -125,12 +149,8 @@ def test_killed_supervisor_leaves_no_process(tmp_path: Path) -> None:
     program = Program("nothing", "heavy", "supervised", "3", "60", str(tmp_path))
     program.wait_for("begun", 3)
     program.process.kill()
-    waiting = threading.Event()
-    for _ in range(600):
-        if not any(is_alive(pid) for pid in [*pids(program, "a"), *pids(program, "b")]):
-            break
-        waiting.wait(0.1)
-    program.finish()  # checks it for each process that has begun
+    wait_until(lambda: not any(is_alive(pid) for pid in [*pids(program, "a"), *pids(program, "b")]))
+    program.finish()
 
 
 def test_child_that_is_not_a_role_raises_with_the_known_roles() -> None:

@@ -123,6 +123,19 @@ def test_chain_is_started_in_order_by_the_longest_delay_before_each() -> None:
     assert world.take_log() == ["start detector", "start planner"]
 
 
+def test_restart_due_in_a_group_is_dropped_when_a_chain_restarts_the_group() -> None:
+    world = World(group("root", "camera", group("parts", "drive", "gps"), strategy="rest_for_one"))
+    world.end("drive", 1)
+    world.now_s += 0.5
+    world.end("camera", 1)
+    world.answer()
+    world.take_log()
+    world.tick(0.5)
+    assert world.take_log() == []
+    world.tick(0.5)
+    assert world.take_log() == ["start camera", "start drive", "start gps"]
+
+
 def test_hang_is_asked_to_end_then_killed_restarted_and_counted_once() -> None:
     world = World(group("root", "drive", "gps"))
     world.pet("gps")
@@ -169,7 +182,7 @@ def test_group_that_exceeds_its_budget_ends_in_order_and_is_restarted_by_its_par
     assert world.tree.safe_stop == ""
 
 
-def test_restart_that_was_due_in_a_group_is_dropped_when_the_group_fails() -> None:
+def test_restart_due_in_a_group_is_dropped_when_the_group_fails() -> None:
     world = World(group("root", group("parts", "drive", "gps", restarts=1)))
     world.take_log()
     world.end("drive", 1)
