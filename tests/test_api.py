@@ -42,6 +42,7 @@ PACKAGES = [
     "snr_sim.scenario",
     "snr_sim.signals",
     "snr_sim.std_mods",
+    "snr_sim.supervision",
     "snr_sim.teleop",
     "snr_sim.testing",
     "snr_sim.web",

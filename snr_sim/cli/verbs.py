@@ -67,6 +67,7 @@ VERBS = {
     "bench": Verb(
         "Measure speed on this machine and compare it with the targets.", ("snr bench dispatch lander --quick",)
     ),
+    "health": Verb("Print what each supervised process of a robot does.", ("snr health runs/rover",)),
     "console": Verb(
         "Give commands to a running node.",
         ("snr console 54321", "snr console 54321 store engine '{\"throttle\": 0.3}'"),

@@ -165,16 +165,7 @@ class Standstill:
         first = self._nodes[0]
         return [
             first.clock.now_s() if first.is_in_lock_step else None,
-            *(
-                (
-                    id(node.machine.running),
-                    node.machine.now_s,
-                    node.machine.executed,
-                    node.inbox.wait_count,
-                    node.is_finished,
-                )
-                for node in self._nodes
-            ),
+            *(progress_of(node) for node in self._nodes),
         ]
 
     def _describe(self, call: CurrentCall) -> str:
@@ -199,6 +190,12 @@ class Standstill:
             f"{call.location}\n  {self._who(call)} was in this line whenever the run was looked at, {SLOW_CHECKS} "
             f"times in a row: the run spends its time there.\n  Try: {_FIX} In time.sleep() a whole run waits."
         )
+
+
+def progress_of(node: NodeParts) -> tuple[Any, ...]:
+    """Return counters that change while a node makes progress, also an idle one; from any thread."""
+    machine = node.machine
+    return id(machine.running), machine.now_s, machine.executed, node.inbox.wait_count, node.is_finished
 
 
 class SlowStart:

@@ -1,8 +1,8 @@
 """JSON Schemas (draft 2020-12) of the text formats of snr_sim.
 
-There is one for traces, pages, links, consoles, the live page of a machine, results, and grades. They ship in this
-folder, for programs in any language; docs/formats.md has the rules that schemas cannot express. The code does not use
-them: it does its own validation, and tests compare the two.
+There is one for traces, pages, links, consoles, the live page of a machine, results, grades, and health of processes.
+They ship in this folder, for programs in any language; docs/formats.md has the rules that schemas cannot express. The
+code does not use them: it does its own validation, and tests compare the two.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 FOLDER = Path(__file__).parent
 SUFFIX = ".schema.json"
-NAMES = ("console", "graded", "live", "page", "result", "trace", "value", "wire")
+NAMES = ("console", "graded", "health", "live", "page", "result", "trace", "value", "wire")
 
 
 def read_schema(name: str) -> dict[str, Any]:

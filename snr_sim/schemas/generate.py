@@ -1,4 +1,4 @@
-"""Generate the schemas of traces, links, consoles and live pages from the classes that read and write them.
+"""Generate the schemas of traces, links, consoles, live pages and health from the classes that read and write them.
 
 The others are written by hand. Run `python -m snr_sim.schemas --write` after a change of such a class; a test compares
 the files.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from snr_sim.console.wire import CommandMessage, CompleteMessage, CompletionsMes
 from snr_sim.links.messages import VERSION, Control
 from snr_sim.recording.records import SCHEMA, Header, Line, TraceInfo
 from snr_sim.schemas import SUFFIX
+from snr_sim.supervision.health import Health
 from snr_sim.web.messages import FromPage, FromServer
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
@@ -25,11 +27,17 @@ PAGE = {"$ref": f"page{SUFFIX}"}
 
 def generated() -> dict[str, str]:
     """Return the text of each generated schema by its name."""
+    health = _definitions([Health])[1]
     return {
         "console": _text(
             f"A message between a node and a console, protocol version {VERSION}",
             "The content of one frame, after its four bytes of length.",
             _schema_of(Control | CommandMessage | CompleteMessage | Reply | CompletionsMessage),
+        ),
+        "health": _text(
+            "health.json",
+            "What each supervised process does.",
+            {"anyOf": [{"$ref": "#/$defs/Health"}], "$defs": health},
         ),
         "live": _text(
             "A message between the live page of a state machine and its server",
@@ -58,10 +66,15 @@ def write(folder: Path) -> None:
 
 def _schema_of(*unions: Any) -> dict[str, Any]:
     """Return the schema of messages of several unions; each of them may have the same tags."""
-    schemas, definitions = msgspec.json.schema_components(unions, ref_template="#/$defs/{name}")
+    schemas, definitions = _definitions(unions)
+    return {"anyOf": [one for schema in schemas for one in schema["anyOf"]], "$defs": definitions}
+
+
+def _definitions(types: Sequence[Any]) -> tuple[Sequence[dict[str, Any]], dict[str, Any]]:
+    schemas, definitions = msgspec.json.schema_components(types, ref_template="#/$defs/{name}")
     for definition in definitions.values():
         definition["description"] = inspect.cleandoc(definition["description"])
-    return {"anyOf": [one for schema in schemas for one in schema["anyOf"]], "$defs": definitions}
+    return schemas, definitions
 
 
 def _text(title: str, description: str, schema: dict[str, Any], *others: dict[str, Any]) -> str:

@@ -1,48 +1,29 @@
-"""Several roles at once, each in its own process, with one program that starts, monitors and ends them all.
+"""Several roles at once, each in its own process: a role that fails ends the others, in order.
 
-    main thread                      a MonitoredProcess per role   the process (supervision/role_process.py)
-    news: signals, ends  <-------    receives messages, lines  <---    runs the node, prints, fails, ends
-    end("SIGTERM"), end("now"), kill  -------------------------->      a terminate task; an interrupt; nothing to say
-
-The processes are in groups of their own, so Ctrl-C at the terminal reaches only this program, once.
-
-Listening ports, and the ends of pipes, are opened before anything starts and passed as descriptors (`PortFactory`), so
-a port in use is reported first. A `LocalConsole` is rejected, because a role's process has no terminal. Recorded roles
-(`program.record_roles`) have a trace each, `<run folder>/<role>/trace.jsonl`: there is no common order of events.
+`supervision/child.py` starts the processes. A `LocalConsole` is rejected, because a role's process has no terminal.
+Recorded roles (`program.record_roles`) have a trace each, `<run folder>/<role>/trace.jsonl`: there is no common order
+of events.
 """
 
 from __future__ import annotations
 
-import signal
 import sys
-import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from queue import Empty
-from types import FrameType
-from typing import Any, TypeAlias
 
 from snr_sim.core.config import Config
 from snr_sim.core.inbox import POLL_PERIOD_S
-from snr_sim.core.process.factory_pickling import pickle_factory
-from snr_sim.core.process.monitored_process import MonitoredProcess
-from snr_sim.core.standard_streams import forward_line, print_line
-from snr_sim.prelude.component import PortFactory, RoleName
+from snr_sim.core.standard_streams import print_line
+from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
-from snr_sim.prelude.interfaces import implements
-from snr_sim.prelude.waiting import TimedQueue
+from snr_sim.supervision.child import PRINTED_NOTHING, RoleProcesses, signals_as
 from snr_sim.supervision.role_process import RoleRun, run_role
 
-TARGET = "snr_sim.supervision.role_process:run"
 # Time for roles to halt everything: after the request, and after the interrupt. A role that is stuck ends itself before
 # that, and halts its loops: see `core/interrupts.py`.
 GRACE_S = 4.0
 SHORT_GRACE_S = 1.0
-PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
-
-# Events for the main thread: ("signal", name), ("failed", role, message, component), ("over", role, status).
-ProcessEvent: TypeAlias = tuple[Any, ...]
 
 
 class MultiProcRunner:
@@ -74,17 +55,11 @@ class MultiProcRunner:
         run: RoleRun = run_role,
     ) -> None:
         names = [roles] if isinstance(roles, str) else list(config.factories if roles is None else roles)
-        if len(set(names)) != len(names):
-            raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
-        for role in [*names, *ends_all]:
+        self._processes = RoleProcesses(config, names, seed, run)
+        for role in ends_all:
             config.get(role)
         self.roles: list[RoleName] = names
-        self._config = config
-        self._seed = seed
-        self._run = run
         self._ends_all = set(ends_all)
-        self._events: TimedQueue[ProcessEvent] = TimedQueue()
-        self._running: dict[RoleName, MonitoredProcess] = {}
         self._overdue: set[RoleName] = set()
         self._failed: set[RoleName] = set()  # roles that reported their failure themselves
         self._failures: list[ComponentFailedError] = []
@@ -105,66 +80,33 @@ class MultiProcRunner:
         if self._has_run:
             raise ConfigError("This MultiProcRunner has already run.", fix="make a new one for a new run.")
         self._has_run = True
-        ports = [one for role in self.roles for one in self._config.get(role) if implements(one, PortFactory)]
-        with _signals_as(self._events):
+        with signals_as(self._processes.events):
             try:
-                self._start(ports)
-                while self._running:
+                self._start()
+                while self._processes.running:
                     self._wait()
             finally:
-                for process in self._running.values():  # only if this program fails itself
-                    process.kill()
-                    process.listener.join()
+                self._processes.kill_all()  # only if this program fails itself
         if self._failures:
             raise self._failures[0]
 
-    def _start(self, ports: Sequence[PortFactory]) -> None:
+    def _start(self) -> None:
         try:
-            for port in ports:
-                port.claim()
-            orders = [self._order(role) for role in self.roles]
-            for role, order in zip(self.roles, orders, strict=True):
-                self._running[role] = self._start_role(role, order)
+            self._processes.prepare()
+            for role in self.roles:
+                self._processes.start(role)
         finally:
-            for port in ports:
-                port.release()  # an end of a pipe that stays open here would hide that its role has ended
-
-    def _start_role(self, role: RoleName, order: dict[str, Any]) -> MonitoredProcess:
-        def on_end(status: int, error: Exception | None) -> None:
-            if error is not None:
-                self._events.put(("failed", role, f"{type(error).__name__}: {error}", ""))
-            self._events.put(("over", role, status))
-
-        process = MonitoredProcess(
-            f"role '{role}'",
-            TARGET,
-            order,
-            lambda kind, *values: self._events.put((kind, role, *values)),  # "failed", message, component
-            on_end,
-            order["packed"]["descriptors"],
-            out=lambda line: forward_line(sys.stdout, f"[{role}] {line}"),
-            err=lambda line: forward_line(sys.stderr, f"[{role}] {line}"),
-        )
-        process.start()
-        return process
-
-    def _order(self, role: RoleName) -> dict[str, Any]:
-        factories = self._config.get(role)
-        for factory in factories:  # one by one, to name the one that cannot be sent
-            pickle_factory(factory, type(factory).__name__, f"Role '{role}'")
-        packed = pickle_factory((factories, self._run), "what it runs", f"Role '{role}'")
-        config = self._config
-        return {"role": role, "packed": packed, "mode": config.mode.value, "bounds": config.bounds, "seed": self._seed}
+            self._processes.release()  # an end of a pipe that stays open here would hide that its role has ended
 
     def _wait(self) -> None:
         wait_s = POLL_PERIOD_S if self._kill_at_s is None else min(POLL_PERIOD_S, self._kill_at_s - time.monotonic())
         try:
-            what, *values = self._events.get(wait_s)
+            what, *values = self._processes.events.get(wait_s)
         except Empty:
             if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
                 self._kill_at_s = None
-                self._overdue.update(self._running)
-                for process in self._running.values():
+                self._overdue.update(self._processes.running)
+                for process in self._processes.running.values():
                     process.kill()
             return
         if what == "signal":
@@ -196,8 +138,7 @@ class MultiProcRunner:
         self._end_all("SIGTERM", GRACE_S)
 
     def _on_end(self, role: RoleName, status: int) -> None:
-        process = self._running.pop(role)
-        process.listener.join()
+        process = self._processes.ended(role)
         if role in self._overdue:
             self._on_failure(role, f"The process of role '{role}' did not end when it was asked, and was killed.", "")
         elif status and role not in self._failed and not process.is_killed:
@@ -206,25 +147,7 @@ class MultiProcRunner:
             self._end_all("SIGTERM", GRACE_S)
 
     def _end_all(self, how: str, grace_s: float) -> None:
-        for process in self._running.values():
+        for process in self._processes.running.values():
             process.end(how)
         kill_at_s = time.monotonic() + grace_s
         self._kill_at_s = kill_at_s if self._kill_at_s is None else min(self._kill_at_s, kill_at_s)
-
-
-@contextmanager
-def _signals_as(events: TimedQueue[ProcessEvent]) -> Iterator[None]:
-    """Turn Ctrl-C and SIGTERM into events while active; outside of the main thread, do nothing."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def on_signal(number: int, _frame: FrameType | None) -> None:
-        events.put(("signal", signal.Signals(number).name))  # atomic, so an interrupt cannot leave a lock held
-
-    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -1,4 +1,4 @@
-"""One role in its own process: the code inside that process. `supervision/multi_proc.py` starts it."""
+"""One role in its own process: the code inside that process. `supervision/child.py` starts it."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
+from snr_sim.supervision.beats import Beats
 
 # Runs a role (its name, its config, seed), and calls the last argument with its node before the node begins.
 RoleRun: TypeAlias = Callable[[RoleName, Config, int, Callable[[Node], None]], None]
@@ -34,6 +35,13 @@ def run(line: Connection) -> int:
     messages = MessageLine(line)
     order = messages.receive()[1]
     shutdown = Shutdown(messages)
+
+    def has_node(node: Node) -> None:
+        shutdown.register(node)
+        if order["beat_s"] is not None:
+            beats = Beats(node, messages.send)
+            threading.Thread(target=beats.run, args=(order["beat_s"],), name="beats", daemon=True).start()
+
     orders = (messages.receive, shutdown.end, shutdown.allow_begin, _ORPHAN_S)
     threading.Thread(target=spawned.execute_messages, args=orders, daemon=True).start()
     # Before and after the run there is nothing to halt, so `end` needs no signals.
@@ -42,7 +50,7 @@ def run(line: Connection) -> int:
     try:
         factories, run_it = unpickle_factory(order["packed"])
         config = Config(Mode(order["mode"]), {order["role"]: factories}, **order["bounds"])
-        run_it(order["role"], config, order["seed"], shutdown.register)
+        run_it(order["role"], config, order["seed"], has_node)
     except SnrError as error:
         failure = [str(error), error.component if isinstance(error, ComponentFailedError) else ""]
     except (Exception, SystemExit) as error:

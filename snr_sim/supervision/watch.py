@@ -1,6 +1,6 @@
 """Deadlines of what must report regularly, such as the processes of a robot: which of them hang.
 
-Whoever is watched reports that it works by `pet`. It hangs once its silence is as long as its timeout. Time is an
+A watched process reports by `pet` that it works. It hangs once its silence is as long as its timeout. Time is an
 argument, so the same table serves a virtual clock and the wall clock. For one thread.
 """
 

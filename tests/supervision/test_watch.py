@@ -69,7 +69,7 @@ def test_reset_pets_all_names() -> None:
     assert watch.take_hanging(7.0) == ["gps", "drive"]
 
 
-def test_removed_name_never_hangs_and_added_again_begins_anew() -> None:
+def test_removed_name_never_hangs_and_starts_over_when_added_again() -> None:
     watch = watch_of(gps=2.0, drive=2.0)
     watch.extend("gps", 50.0)
     watch.remove("gps")

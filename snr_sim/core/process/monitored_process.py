@@ -56,6 +56,16 @@ class MonitoredProcess:
         self.listener: threading.Thread = threading.Thread(target=self._listen, name=f"{name} listener", daemon=True)
         self._writer = threading.Thread(target=self._write, name=f"{name} writer", daemon=True)
 
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    @property
+    def last_lines(self) -> list[str]:
+        """Its last lines on stderr."""
+        return list(self._process.last)
+
     def start(self) -> None:
         """Start the threads; messages sent before are not lost."""
         self._writer.start()
@@ -82,7 +92,7 @@ class MonitoredProcess:
             when: text after the status.
             otherwise: text to use if it had printed nothing.
         """
-        lines = "".join(f"\n    {line}" for line in self._process.last)
+        lines = "".join(f"\n    {line}" for line in self.last_lines)
         last_lines = f"Its last lines:{lines}" if lines else otherwise
         return f"The process of {self.name} {describe_exit(status)}{when}. {last_lines}"
 

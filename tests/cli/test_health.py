@@ -1,0 +1,57 @@
+"""`snr health`: table and status of supervised processes."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim.supervision.health import health_of, write_health
+from tests.supervision.world import World, group
+
+Snr = Callable[..., Any]
+NO_PID = 2**22 + 1  # above the largest that Linux gives
+
+
+@pytest.fixture
+def world() -> World:
+    """Two processes that run."""
+    world = World(group("root", "drive", "gps"))
+    world.pet("drive")
+    world.pet("gps")
+    return world
+
+
+def test_health_prints_a_row_for_each_process_with_status_0_if_all_run(snr: Snr, here: Path, world: World) -> None:
+    write_health(here, health_of(world.tree, {}, 0.0))
+    answer = snr("health", here)
+    assert (answer.status, answer.err) == (0, "")
+    assert [line.split()[:2] for line in answer.out.splitlines()[2:]] == [
+        ["root", "running"],
+        ["drive", "running"],
+        ["gps", "running"],
+    ]
+
+
+def test_health_has_status_1_if_a_process_does_not_run(snr: Snr, here: Path, world: World) -> None:
+    world.end("gps", 1, "no port")
+    write_health(here, health_of(world.tree, {}, 0.0))
+    answer = snr("health", here, "--json")
+    assert answer.status == 1
+    assert answer.json["is_degraded"]
+    assert answer.json["is_supervised"]
+    assert answer.json["tree"][2]["why"] == "no port"
+
+
+def test_health_of_a_supervisor_that_has_gone_says_so_with_status_1(snr: Snr, here: Path, world: World) -> None:
+    write_health(here, msgspec.structs.replace(health_of(world.tree, {}, 0.0), supervisor_pid=NO_PID))
+    answer = snr("health", here)
+    assert answer.status == 1
+    assert f"the supervisor, process {NO_PID}, does not run any more" in answer.err
+
+
+def test_health_of_a_folder_without_the_file_is_status_2(snr: Snr, here: Path) -> None:
+    answer = snr("health", here)
+    assert answer.status == 2
+    assert "There is no" in answer.err
