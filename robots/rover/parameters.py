@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from snr_sim.devices import GpsReceiver, InertialUnit, SensorErrors
+from snr_sim.devices.emulated import Replug
 from snr_sim.links import LinkFaults
 from snr_sim.plants import RoverVehicle, read_rover
 from snr_sim.signals import NEUTRAL_BRAKE_A
@@ -42,6 +43,7 @@ class RoverParameters:
     gps: GpsReceiver = field(default_factory=GpsReceiver)
     gps_hz: float = 0.0  # readings of the receiver, which reports 10 times a second; 0: there is none
     route: tuple[tuple[float, float], ...] = ()  # latitude and longitude of way points [degrees]
+    replugs: tuple[Replug, ...] = ()  # plugs of emulated controllers that are pulled and put back
     script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person; empty: there is no pilot
     command_hz: float = 20.0  # how often the surface sends controls [O]
     # Wi-Fi outdoors within a few hundred meters [O].
@@ -51,7 +53,14 @@ class RoverParameters:
     imu_hz: float = 50.0  # [O]
     power_hz: float = 2.0  # [O]
     drive_hz: float = 50.0  # how often a command is written [O]
-    drive_timeout_s: float = 0.25  # a command older than this is a brake [O]
+    drive_timeout_s: float = 0.25  # controls older than this are a brake [O]
     limit_mps: float = 1.5  # speed of a full stick; its motors can 2 [O]
     limit_radps: float = 0.25 * math.pi  # rate of turning of a full stick [O]
     tyre_m: float = 0.0045  # the rolling radius is that much less: half of what the load presses in (PHYSICS.md)
+
+    @property
+    def motor_limits(self) -> dict[str, float]:
+        """Largest amount of a wheel's value in each mode: rad/s, A, or 1, all of the voltage."""
+        motor = self.vehicle.motor
+        top_radps = self.controller_erpm / self.erpm_per_rpm * math.pi / 30.0
+        return {"speed": top_radps, "current": motor.limit_a, "brake": motor.limit_a, "duty": 1.0}
