@@ -51,6 +51,7 @@ ELSEWHERE = {
     "rover_hill mujoco 0": "robots/test_rover.py",
     "rover_hill pymunk 0": "robots/test_rover.py",
     "rover_teleop mujoco 0": "robots/test_rover.py",
+    "rover_unplug pymunk 0": "robots/test_rover_unplug.py",
     "rover_waypoints mujoco 0": "robots/test_rover.py",
 }
 
