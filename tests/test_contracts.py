@@ -1,6 +1,7 @@
 """Every plant, sensor and actuator of every scenario and robot implements its interface: each can replace another."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from types import ModuleType
 
 import pytest
@@ -83,6 +84,8 @@ def devices(found: library.FoundItem, engine: str) -> Iterator[AnyFactory]:
     scenario, robot = load(found)
     about = RobotInfo(scenario.ROBOT, robot.ROLES[0], found.name, engine, scenario.parameters(1), {})
     context = RobotContext(about, "sim", 1, scenario.plant(1, engine))
+    if hasattr(robot, "wrap_plant"):
+        context = replace(context, plant=robot.wrap_plant(context))
     for factories in robot.roles(context, []).values():
         yield from factories
 

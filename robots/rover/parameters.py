@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from snr_sim.devices import GpsReceiver, InertialUnit, Lidar, SensorErrors
+from snr_sim.devices.emulated import Replug
 from snr_sim.links import LinkFaults
 from snr_sim.plants import RoverVehicle, read_rover
 from snr_sim.signals import NEUTRAL_BRAKE_A
@@ -48,6 +49,7 @@ class RoverParameters:
     scan_hz: float = 0.0  # readings of the lidar; 0: there is none
     points_m: tuple[tuple[float, float], ...] = ()  # where to go: x ahead of the start, y to the left
     stands_s: float = 3.0  # at the start, while the bias of the gyroscope is measured
+    replugs: tuple[Replug, ...] = ()  # plugs of emulated controllers that are pulled and put back
     script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person; empty: there is no pilot
     command_hz: float = 20.0  # how often the surface sends controls [O]
     # Wi-Fi outdoors within a few hundred meters [O].
@@ -57,7 +59,14 @@ class RoverParameters:
     imu_hz: float = 50.0  # [O]
     power_hz: float = 2.0  # [O]
     drive_hz: float = 50.0  # how often a command is written [O]
-    drive_timeout_s: float = 0.2  # a command older than this is a brake: of 20 a second, three may be lost [O]
+    drive_timeout_s: float = 0.2  # controls older than this are a brake: of 20 a second, three may be lost [O]
     limit_mps: float = 1.5  # speed of a full stick; its motors can 2 [O]
     limit_radps: float = 0.25 * math.pi  # rate of turning of a full stick [O]
     tyre_m: float = 0.0045  # the rolling radius is that much less: half of what the load presses in (PHYSICS.md)
+
+    @property
+    def motor_limits(self) -> dict[str, float]:
+        """Largest amount of a wheel's value in each mode: rad/s, A, or 1, all of the voltage."""
+        motor = self.vehicle.motor
+        top_radps = self.controller_erpm / self.erpm_per_rpm * math.pi / 30.0
+        return {"speed": top_radps, "current": motor.limit_a, "brake": motor.limit_a, "duty": 1.0}

@@ -16,25 +16,28 @@
     controls  what the surface asks for, where there is a pilot (controls.py); odometry and vehicle come from the
               controllers that need them (odometry.py, controllers/sticks.py)
 
-With `--io emulated` each motor has an emulated VESC controller, driven and read by the bytes of its serial line. A
+With `--io emulated`, and always in a scenario that pulls plugs, each motor has an emulated VESC controller, driven and
+read by the bytes of a serial line. Its port is found by the controller's name; when a port is gone, all wheels brake
+until all controllers are found and the robot has commanded neutral, as it does while its pilot has disarmed it. A
 command older than a fifth of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
 down a slope. Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 from snr_sim.devices import (
-    ActuatorLoopFactory,
     GamepadLoopFactory,
+    MotorLoopFactory,
+    MotorPorts,
+    PortWatch,
     PygameGamepad,
     SensorErrors,
     SensorLoopFactory,
-    SimActuator,
+    SimMotors,
     SimSensor,
     VescLine,
     VescMotors,
@@ -44,7 +47,6 @@ from snr_sim.devices.emulated import VescPlant
 from snr_sim.errors import ParameterError
 from snr_sim.plants import Plant
 from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
-from snr_sim.signals import DriveCommand
 from snr_sim.teleop import DeadmanSwitch, Keyboard, LinkMonitorFactory, ManualInput, pilot_of, surface_link
 
 from .controls import DEADMAN_BUTTON, LAYOUTS, LEGENDS, gamepad_pilot, layout_of, scripted_pilot
@@ -61,7 +63,6 @@ OPTIONS = {
     "secret": "file with a text that both ends have, so that others cannot steer (or the variable SNR_SECRET holds it)",
     "allow": "addresses of surface computers that the rover takes without a secret, with commas between",
 }
-MAX_VALUE = 100.0  # the motors' own limits are narrower, and depend on the mode
 TO_TOPSIDE = ("vehicle", "odometry", "power", RECORDING_KEY)
 
 
@@ -93,18 +94,26 @@ def sim_scan(context: RobotContext) -> SimSensor:
     return sensor
 
 
-def sim_motors(context: RobotContext) -> SimActuator[DriveCommand]:
+def sim_motors(context: RobotContext) -> SimMotors:
     """Open the simulated motors."""
-    return SimActuator(context.plant, "drive", DriveCommand, {"values": (-MAX_VALUE, MAX_VALUE)})
+    parameters = context.robot.parameters
+    return SimMotors(context.plant, context.now_s, len(motor_names(parameters)), parameters.motor_limits)
+
+
+def motor_ports(context: RobotContext) -> MotorPorts:
+    """Return the ports of the motors' controllers, as `wrap_plant` added them to the plant."""
+    plant = context.plant
+    assert isinstance(plant, VescPlant)
+    found: MotorPorts = context.get_or_create(
+        "motor_ports", lambda: MotorPorts(PortWatch(plant.list_ports), plant.open_port, context.now_s)
+    )
+    return found
 
 
 def vesc_line(context: RobotContext, name: str) -> VescLine:
-    """Return the line of a motor's emulated controller, as `wrap_plant` added it to the plant."""
-    plant, factor = context.plant, context.robot.parameters.erpm_per_rpm
-    assert isinstance(plant, VescPlant)
-    line: VescLine = context.get_or_create(
-        name, lambda: VescLine(name, partial(plant.open_port, name), context.now_s, factor)
-    )
+    """Return the line of a motor's controller, which is found by its name."""
+    factor, open_port = context.robot.parameters.erpm_per_rpm, partial(motor_ports(context).open_port, name)
+    line: VescLine = context.get_or_create(name, lambda: VescLine(name, open_port, context.now_s, factor, "seed"))
     return line
 
 
@@ -116,23 +125,23 @@ def vesc_motor(context: RobotContext, name: str) -> VescSensor:
 def vesc_motors(context: RobotContext) -> VescMotors:
     """Open the controllers of all motors."""
     parameters: RoverParameters = context.robot.parameters
-    motor = parameters.vehicle.motor
-    limits = {
-        "speed": parameters.controller_erpm / parameters.erpm_per_rpm * math.pi / 30.0,
-        "current": motor.limit_a,
-        "brake": motor.limit_a,
-        "duty": 1.0,
-    }
-    return VescMotors([vesc_line(context, name) for name in motor_names(parameters)], limits, parameters.neutral_a)
+    lines = [vesc_line(context, name) for name in motor_names(parameters)]
+    return VescMotors(lines, parameters.motor_limits, parameters.neutral_a, poll=motor_ports(context).poll)
 
 
 def wrap_plant(context: RobotContext) -> Plant:
     """Return the plant; with `--io emulated`, with an emulated controller at each motor."""
     assert context.plant is not None
-    if context.io != "emulated":
+    if device_row(context) != "emulated":
         return context.plant
     parameters: RoverParameters = context.robot.parameters
-    return VescPlant(context.plant, motor_names(parameters), parameters.erpm_per_rpm)
+    names, replugs = motor_names(parameters), parameters.replugs
+    return VescPlant(context.plant, names, parameters.erpm_per_rpm, replugs=replugs, dialect="seed")
+
+
+def device_row(context: RobotContext) -> str:
+    """Return the row of the device table: a scenario that pulls plugs needs some."""
+    return "emulated" if context.robot.parameters.replugs else context.io
 
 
 def motor_names(parameters: RoverParameters) -> list[str]:
@@ -161,7 +170,7 @@ IO = tuple(DEVICES)
 def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Return the components of each role. Sensors are first and motors last, so a reading acts within its tick."""
     parameters: RoverParameters = context.robot.parameters
-    devices = DEVICES[context.io]
+    devices = DEVICES[device_row(context)]
     sensors = [
         SensorLoopFactory(name, partial(devices["motor"], context, name), parameters.motors_hz)
         for name in motor_names(parameters)
@@ -173,9 +182,7 @@ def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, lis
         sensors.append(SensorLoopFactory("gps", partial(sim_gps, context), parameters.gps_hz))
     if parameters.scan_hz:
         sensors.append(SensorLoopFactory("scan", partial(sim_scan, context), parameters.scan_hz))
-    motors = ActuatorLoopFactory(
-        "drive", partial(devices["drive"], context), parameters.drive_hz, parameters.drive_timeout_s
-    )
+    motors = MotorLoopFactory("drive", partial(devices["drive"], context), parameters.drive_hz)
     rover, extra = [*sensors, *controller, motors], list(context.extra_components.get("topside", ()))
     if not parameters.script:
         _check_no_options(context)

@@ -154,13 +154,17 @@ class ActuatorLoop(CommandLoop):
     def _write(self, page: Page) -> None:
         actuator = self.device
         try:
-            command = command_of(page.data, actuator.command_type, actuator.limits)
+            command = self.read_command(page)
             applied = actuator.write(command)
         except CommandError as error:
             actuator.neutral()
             raise self.commands.error_with_source(page, error) from error
-        if applied != command:
+        if applied != command and actuator.health().state == "active":
             self.commands.note_clamped(command, applied, actuator.limits)
+
+    def read_command(self, page: Page) -> Any:
+        """Return the command in a page; errors as `command_of`."""
+        return command_of(page.data, self.device.command_type, self.device.limits)
 
     def halt(self) -> None:
         """Go to neutral."""
@@ -264,7 +268,7 @@ def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
     if not math.isfinite(value):
         raise CommandError(
             f"{name} must be finite, not {value!r}.",
-            fix=f"send a number from {limits[0]:g} to {limits[1]:g}; "
+            fix=f"send a finite number from {limits[0]:g} to {limits[1]:g}; "
             "look for a division by zero or an overflow before it.",
         )
 

@@ -5,6 +5,7 @@ SI and radians: rates of a rotor's field, milliamperes and encoder counts exist 
 
 from __future__ import annotations
 
+import math
 from typing import Literal, TypeAlias
 
 import msgspec
@@ -22,10 +23,12 @@ class DriveCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         mode: "speed", "current", "brake", "duty", or "off", which lets the wheels turn freely.
         values: one for each wheel, in the order of the vehicle: rad/s, A, A, -1 to 1 of the voltage, or anything. None
             at all is neutral, whatever the mode: a brake, since a rover that rolls freely drives down a slope.
+        until_s: when the motors go to neutral, by the plant's time, each unless it has a newer command.
     """
 
     mode: DriveMode = "brake"
     values: list[float] = []
+    until_s: float = math.inf
 
 
 class MotorReading(msgspec.Struct, frozen=True):

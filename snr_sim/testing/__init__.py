@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from snr_sim.testing.machines import MachineStory as MachineStory
     from snr_sim.testing.machines import StoryChoices as StoryChoices
     from snr_sim.testing.machines import random_stories as random_stories
+    from snr_sim.testing.motor_contract import MotorBench as MotorBench
+    from snr_sim.testing.motor_contract import check_motors as check_motors
     from snr_sim.testing.pwm_contract import PwmBench as PwmBench
     from snr_sim.testing.pwm_contract import check_pwm_out as check_pwm_out
     from snr_sim.testing.virtual_gamepad import VirtualGamepad as VirtualGamepad

@@ -158,6 +158,7 @@ def _check_reading(reading: Any, before_s: float) -> float:
 def _numbers(command: Any) -> dict[str, list[float]]:
     """Return the fields that are limited: numbers, and lists of numbers, which are limited one by one."""
     values = msgspec.structs.asdict(command)
+    values.pop("until_s", None)  # the end of its lease
     return {
         name: list(value) if isinstance(value, (list, tuple)) else [value]
         for name, value in values.items()

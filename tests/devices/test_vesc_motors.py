@@ -11,6 +11,7 @@ from snr_sim.devices.emulated.vesc_plant import TICK_S, VescPlant
 from snr_sim.devices.motors.vesc_line import ANSWER_S, VescLine
 from snr_sim.devices.motors.vesc_motors import FRESH_S, VescMotors, VescSensor
 from snr_sim.devices.wire.vesc_messages import Firmware
+from snr_sim.prelude.device import Health
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -41,10 +42,11 @@ class Bench:
         self.lines = [self.line(name) for name in NAMES]
 
     def line(self, name: str) -> VescLine:
-        return VescLine(name, lambda: self.plant.open_port(name), lambda: self.plant.time_s, ERPM_PER_RPM)
+        path = f"/dev/ttyACM{NAMES.index(name)}"
+        return VescLine(name, lambda: self.plant.open_port(path), lambda: self.plant.time_s, ERPM_PER_RPM)
 
-    def motors(self) -> VescMotors:
-        return VescMotors(self.lines, LIMITS, NEUTRAL_BRAKE_A)
+    def motors(self, **options: Any) -> VescMotors:
+        return VescMotors(self.lines, LIMITS, NEUTRAL_BRAKE_A, **options)
 
     def sensors(self) -> list[VescSensor]:
         return [started(VescSensor(line)) for line in self.lines]
@@ -232,10 +234,61 @@ def test_port_is_shared_and_closed_by_the_last_of_its_devices() -> None:
 
 def test_wire_that_is_gone_is_reported_and_the_others_are_driven() -> None:
     bench = Bench()
-    motors, (left, right) = started(bench.motors()), bench.sensors()
-    bench.plant._ports["motor_LF"].close()  # as if it was unplugged
+    motors, (left, right) = started(bench.motors(on_lost_wheel="continue")), bench.sensors()
+    bench.plant.unplug("motor_LF")
     motors.write(DriveCommand("speed", [2.0, 2.0]))
-    assert "was closed" in stale(left.read())
+    assert "is gone: it was unplugged" in stale(left.read())
     assert isinstance(right.read(), MotorReading)
     assert (bench.do("motor_LF")[0], bench.do("motor_RF")[0]) == ("brake", "speed")
-    assert motors.health().counts == {"unsent": 1}
+    assert motors.health() == Health("active", "", {"unsent": 1})
+
+
+def test_lost_wheel_is_driven_again_only_after_a_command_for_neutral() -> None:
+    bench = Bench()
+    motors, command = started(bench.motors(on_lost_wheel="continue")), DriveCommand("speed", [2.0, 2.0])
+    bench.plant.unplug("motor_LF")
+    motors.write(command)
+    bench.plant.plug_in("motor_LF", "motor_LF")
+    motors.write(command)
+    assert (bench.do("motor_LF")[0], bench.do("motor_RF")[0]) == ("brake", "speed")
+    motors.write(DriveCommand())
+    motors.write(command)
+    assert (bench.do("motor_LF")[0], bench.do("motor_RF")[0]) == ("speed", "speed")
+
+
+def test_wire_that_is_gone_stops_all_until_they_are_configured_and_activated() -> None:
+    bench = Bench()
+    motors, command = started(bench.motors()), DriveCommand("speed", [2.0, 2.0])
+    motors.write(command)
+    bench.plant.unplug("motor_LF")
+    assert motors.write(command) == DriveCommand("speed")
+    assert motors.health() == Health("error", "/dev/ttyACM0 is gone: it was unplugged.", {"unsent": 2})
+    assert bench.do("motor_RF") == ("brake", NEUTRAL_BRAKE_A)
+    with pytest.raises(DeviceError, match="no serial port /dev/ttyACM0"):
+        motors.configure()
+    bench.plant.plug_in("motor_LF", "motor_LF")
+    motors.configure()
+    motors.write(command)
+    assert [bench.do(name)[0] for name in NAMES] == ["brake"] * 2
+    motors.activate()
+    motors.write(command)
+    assert [bench.do(name)[0] for name in NAMES] == ["speed"] * 2
+
+
+def test_controller_that_must_be_closed_stops_all_with_the_reason() -> None:
+    bench = Bench()
+    lost: dict[str, str] = {}
+    motors, sensors = started(bench.motors(poll=lambda: lost)), bench.sensors()
+    motors.write(DriveCommand("speed", [2.0, 2.0]))
+    lost["motor_RF"] = "Two are named so."
+    motors.write(DriveCommand("speed", [2.0, 2.0]))
+    assert (motors.health().reason, stale(sensors[1].read())) == ("Two are named so.", "Two are named so.")
+    assert bench.do("motor_LF") == ("brake", NEUTRAL_BRAKE_A)
+
+
+def test_command_that_is_valid_no_longer_is_neutral() -> None:
+    bench = Bench()
+    motors = started(bench.motors())
+    bench.advance(1.0)
+    assert motors.write(DriveCommand("speed", [2.0, 2.0], until_s=1.0)).values == []
+    assert bench.do("motor_LF") == ("brake", NEUTRAL_BRAKE_A)

@@ -61,6 +61,7 @@ ELSEWHERE = {
     "rover_obstacle mujoco 0": "robots/test_rover_avoid.py",
     "rover_obstacle pymunk 0": "robots/test_rover_avoid.py",
     "rover_teleop mujoco 0": "robots/test_rover.py",
+    "rover_unplug pymunk 0": "robots/test_rover_unplug.py",
     "rover_waypoints mujoco 0": "robots/test_rover.py",
 }
 

@@ -7,6 +7,9 @@ pages "motor_..." -----------------------'
     idle      brakes: disarmed, or an emergency stop that is not yet cleared
     neutral   brakes: the newest controls are older than a command of the motors may be, as when the link is cut
     pilot     the sticks apply
+
+Idle is a command for neutral, which arms motors that were lost and found again. In neutral it has values, those of
+brakes, and does not arm.
 """
 
 from __future__ import annotations
@@ -26,7 +29,6 @@ from snr_sim.scenario import RobotInfo
 from snr_sim.teleop import NewestControls
 
 TELEMETRY_PERIOD_S = 0.1  # and whenever the state changes
-NEUTRAL = {"mode": "brake", "values": []}
 
 
 def factories(robot: RobotInfo) -> list[EndpointFactory]:
@@ -73,7 +75,7 @@ class SticksDriver(Endpoint):
         state = self.control_state(now_s)
         if state != "pilot":
             self.heading.reset()
-        drive = self.command(imu["yaw_rad"], dt_s) if state == "pilot" else NEUTRAL
+        drive = self.command(imu["yaw_rad"], dt_s) if state == "pilot" else self.brakes(state)
         tasks = [self.store_data_task("drive", drive)]
         summary = state, self.newest.is_stopped, self.rejected_command
         if summary != self.sent or now_s - self.sent_s >= TELEMETRY_PERIOD_S - 1e-9:
@@ -87,6 +89,12 @@ class SticksDriver(Endpoint):
         if age_s is None or newest.is_stopped or not newest.controls.is_armed:
             return "idle"
         return "pilot" if age_s <= self.parameters.drive_timeout_s else "neutral"
+
+    def brakes(self, state: str) -> dict[str, Any]:
+        """Return the command of the wheels for a state without a pilot."""
+        parameters = self.parameters
+        count = len(parameters.vehicle.motor_wheels)
+        return {"mode": "brake", "values": [] if state == "idle" else [parameters.neutral_a] * count}
 
     def command(self, yaw_rad: float, dt_s: float) -> dict[str, Any]:
         """Return the command of the wheels for the newest controls."""

@@ -2,38 +2,53 @@
 
 VescMotors --> VescPort --> EmulatedVesc --> input "motor_<wheel>" of the plant
 VescSensor <----------------------'      <-- its output of that name
+
+Their ports are those of a bus whose plugs can be pulled, and put into other sockets, at stated times.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from itertools import count
+from typing import Any, NamedTuple
 
 from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc, ScriptedFault
+from snr_sim.devices.wire.serial_port import PortInfo
+from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, PlantError
 from snr_sim.prelude.ground_signals import DriveCommand, DriveMode, MotorReading
 from snr_sim.prelude.plant import Plant
 
+_FIRMWARE: dict[Dialect, str] = {"seed": "2.18", "stock": "5.3"}
 TICK_S = 0.01  # how often a controller looks whether its timeout is over, as VESC firmware does; commands act at once
 
 
 class VescPort:
-    """Serial port of an emulated controller, in memory. Implements `BytePort`."""
+    """Serial port of an emulated controller, in memory. Implements `BytePort`.
 
-    def __init__(self, controller: EmulatedVesc, now_s: Callable[[], float], name: str) -> None:
+    Args:
+        controller: at the other end.
+        now_s: its clock.
+        name: in messages.
+        is_gone: whether the plug was pulled since; the controller keeps running.
+    """
+
+    def __init__(
+        self, controller: EmulatedVesc, now_s: Callable[[], float], name: str, is_gone: Callable[[], bool]
+    ) -> None:
         self.name: str = name
-        self._controller, self._now_s = controller, now_s
+        self._controller, self._now_s, self._is_gone = controller, now_s, is_gone
         self._received = b""
         self._is_open = True
 
     def write(self, data: bytes) -> None:
-        """Put bytes on the line; raise a DeviceError if it was closed."""
+        """Put bytes on the line; raise a DeviceError if it was closed, or unplugged."""
         self._check()
         self._received += self._controller.feed(data, self._now_s())
 
     def read(self) -> bytes:
-        """Return the received bytes; raise a DeviceError if it was closed."""
+        """Return the received bytes; raise the same error."""
         self._check()
         data, self._received = self._received, b""
         return data
@@ -53,6 +68,17 @@ class VescPort:
     def _check(self) -> None:
         if not self._is_open:
             raise DeviceError(f"{self.name} was closed.", fix="open it again.")
+        if self._is_gone():
+            raise DeviceError(f"{self.name} is gone: it was unplugged.", fix="plug it in.")
+
+
+class Replug(NamedTuple):
+    """A controller's plug is pulled and put back, perhaps into the socket of another motor's controller."""
+
+    motor: str
+    out_s: float
+    in_s: float
+    socket: str  # the motor that was plugged in there at the start
 
 
 class VescPlant:
@@ -63,6 +89,8 @@ class VescPlant:
         motors: their names.
         erpm_per_rpm: see `VescCodec`.
         faults: what goes wrong, by motor.
+        replugs: which plugs are pulled, and where they are put; a socket must be free by then.
+        dialect: of the controllers.
 
     Attributes:
         plant: the plant itself.
@@ -74,27 +102,68 @@ class VescPlant:
         motors: Sequence[str],
         erpm_per_rpm: float,
         faults: Mapping[str, Sequence[ScriptedFault]] | None = None,
+        replugs: Sequence[Replug] = (),
+        dialect: Dialect = "stock",
     ) -> None:
         self.plant: Plant = plant
         self._motors, self._erpm_per_rpm, self._faults = tuple(motors), erpm_per_rpm, faults or {}
+        self._replugs, self._dialect = tuple(replugs), dialect
         self._power_up()
 
     def _power_up(self) -> None:
         def controller(name: str) -> EmulatedVesc:
             motor, faults = _PlantMotor(self.plant, name), self._faults.get(name, ())
-            return EmulatedVesc(motor, name, self._erpm_per_rpm, faults=faults)
+            firmware = _FIRMWARE[self._dialect]
+            return EmulatedVesc(motor, name, self._erpm_per_rpm, self._dialect, firmware, faults=faults)
 
         self._controllers = {name: controller(name) for name in self._motors}
         self._tick_s = 0.0
+        self._plugged: dict[PortInfo, str] = {}  # which motor's controller
+        self._plugs: dict[str, object] = {}  # another one each time that a motor's controller is plugged in
         self._ports: dict[str, VescPort] = {}
         for name in self._motors:
-            self.open_port(name)  # a controller runs, whether its port is used or not
+            self.plug_in(name, name)
+        events = [(one.out_s, "", one) for one in self._replugs] + [
+            (one.in_s, one.socket, one) for one in self._replugs
+        ]
+        self._events = sorted(events, key=lambda event: event[0])
 
-    def open_port(self, motor: str) -> VescPort:
-        """Return the port of a motor's controller; one that was opened before receives no more."""
-        port = VescPort(self._controllers[motor], lambda: self.plant.time_s, f"the emulated port of {motor}")
+    def list_ports(self) -> list[PortInfo]:
+        """Return the ports that are plugged in now."""
+        return list(self._plugged)
+
+    def open_port(self, path: str) -> VescPort:
+        """Return a port by its device file; one that was opened before receives no more.
+
+        Raises:
+            DeviceError: there is none.
+        """
+        motor = next((motor for info, motor in self._plugged.items() if info.path == path), None)
+        if motor is None:
+            raise DeviceError(f"There is no serial port {path}.", fix="is it plugged in?")
+        return self._connect(motor, path)
+
+    def _connect(self, motor: str, path: str) -> VescPort:
+        controller, plug = self._controllers[motor], self._plugs[motor]
+        port = VescPort(controller, lambda: self.plant.time_s, path, lambda: self._plugs.get(motor) is not plug)
         self._ports[motor] = port
         return port
+
+    def unplug(self, motor: str) -> None:
+        """Pull the plug of a motor's controller."""
+        self._plugged = {info: name for info, name in self._plugged.items() if name != motor}
+        del self._plugs[motor]
+
+    def plug_in(self, motor: str, socket: str) -> None:
+        """Put it into the socket that was that of another motor's controller at the start, or its own.
+
+        As under Linux, it gets the first device file that is free.
+        """
+        taken = {info.path for info in self._plugged}
+        path = next(path for path in (f"/dev/ttyACM{i}" for i in count()) if path not in taken)
+        self._plugs[motor] = object()
+        self._plugged[PortInfo(path, usb_path=f"1-1.{self._motors.index(socket) + 1}")] = motor
+        self._connect(motor, path)  # a controller runs, whether its port is used or not
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.plant, name)
@@ -112,6 +181,12 @@ class VescPlant:
     def step(self, dt_s: float) -> None:
         """Advance both: first the controllers, then the plant."""
         now_s = self.plant.time_s
+        while self._events and now_s >= self._events[0][0] - 1e-9:
+            _, socket, replug = self._events.pop(0)
+            if socket:
+                self.plug_in(replug.motor, socket)
+            else:
+                self.unplug(replug.motor)
         if now_s >= self._tick_s:
             self._tick_s = now_s + TICK_S - 1e-9  # not a step later, by rounding
             for port in self._ports.values():

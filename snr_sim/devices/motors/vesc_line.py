@@ -26,8 +26,8 @@ class VescLine:
     """Opens the port for the first device that needs it, and closes it after the last one. Thread-safe.
 
     Args:
-        name: of the motor, in messages.
-        open_port: opens the port.
+        name: of the motor.
+        open_port: opens the port; raises a DeviceError where that is not possible. See `MotorPorts.open_port`.
         now_s: the clock that stamps values.
         erpm_per_rpm: see `VescCodec`.
         dialect: see `vesc_messages.py`.
@@ -47,6 +47,7 @@ class VescLine:
         erpm_per_rpm: float,
         dialect: vesc.Dialect = "stock",
     ) -> None:
+        self.name: str = name
         self.title: str = f"The controller of {name}"
         self.values: vesc.MotorValues | None = None
         self.measured_s: float | None = None
@@ -79,6 +80,11 @@ class VescLine:
             self._users.discard(id(user))
             if not self._users:
                 self._close(f"{self.title} was closed.")
+
+    def drop(self, fault: str) -> None:
+        """Close the port, with the reason as text, until `open` is called again."""
+        with self._lock:
+            self._close(fault)
 
     def send(self, message: vesc.VescMessage) -> None:
         """Send a message; raise a DeviceError if the port is not open, or is gone, which closes it."""

@@ -1,25 +1,24 @@
 """The motors of a vehicle behind VESC controllers: all driven by one actuator, each read by a sensor.
 
-Without commands a controller brakes by its own timeout. One that fails does not hold up the others.
+Without commands a controller brakes by its own timeout. One whose port is gone stops the others, or not, as is chosen.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Literal
 
-import msgspec
-
-from snr_sim.devices.commands import check_finite
+from snr_sim.devices.motors.motor_backend import MotorBackend
 from snr_sim.devices.motors.vesc_line import ANSWER_S, VescLine
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import CommandError, DeviceError, suggest
+from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
-from snr_sim.prelude.life_cycle import LifeCycle, LifeCycleSensor
+from snr_sim.prelude.life_cycle import LifeCycleSensor
 
 FRESH_S = ANSWER_S
+RETRY_S = 1.0  # between two attempts to open a lost controller
 _MESSAGES: dict[str, Callable[[float], vesc.VescMessage]] = {
     "speed": vesc.SetSpeed,
     "current": vesc.SetCurrent,
@@ -29,94 +28,99 @@ _MESSAGES: dict[str, Callable[[float], vesc.VescMessage]] = {
 }
 
 
-class VescMotors(LifeCycle):
-    """The motors. Implements `Actuator`; neutral is a brake, since a rover that rolls freely drives down a slope.
-
-    A controller whose port is gone is not driven, which its `VescSensor` reports; the others are.
+class VescMotors(MotorBackend):
+    """The motors.
 
     Args:
         lines: their controllers, in the order of a command's values.
-        limits: largest amount of a value, for each mode but "off".
+        limits: see `MotorBackend`.
         neutral_a: current of the brake.
+        on_lost_wheel: what follows when a controller's port is gone. "neutral": all brake, in the state "error", until
+            `configure` has found all of them and `activate` was called. "continue": the others are driven; the lost
+            one is opened again by a command for neutral.
+        poll: returns the names of controllers whose ports must be closed, and why: see `MotorPorts.poll`.
     """
 
     title = "The motors' controllers"
-    command_type: type[DriveCommand] = DriveCommand
 
-    def __init__(self, lines: Sequence[VescLine], limits: Mapping[str, float], neutral_a: float) -> None:
-        self._lines, self._limits, self._neutral_a = tuple(lines), dict(limits), neutral_a
-        self._mode = "speed"
+    def __init__(
+        self,
+        lines: Sequence[VescLine],
+        limits: Mapping[str, float],
+        neutral_a: float,
+        on_lost_wheel: Literal["neutral", "continue"] = "neutral",
+        poll: Callable[[], Mapping[str, str]] = dict,
+    ) -> None:
+        super().__init__(lines[0].now_s, len(lines), limits)
+        self._lines, self._neutral_a = tuple(lines), neutral_a
+        self._stops_all, self._poll = on_lost_wheel == "neutral", poll
         self._unsent = 0
-
-    @property
-    def limits(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest value in the mode of the newest command with values; "speed" before the first."""
-        largest = self._limits[self._mode]
-        return {"values": (-largest, largest)}
+        self._opened_s = -math.inf
 
     def write(self, command: DriveCommand) -> DriveCommand:
-        """Send a command, clamped to the limits, and return it as sent; while it is not active, that is neutral.
+        """Do what a command says; see `MotorBackend`. One for neutral opens lost controllers again."""
+        done = super().write(command)
+        now_s = self._now_s()
+        if self.state == "active" and not command.values and now_s >= self._opened_s + RETRY_S:
+            self._opened_s = now_s
+            self._open_all()
+        return done
 
-        Raises:
-            CommandError: it is not a command of these motors, or a value is not a finite number. The last one stays.
-            DeviceError: it was closed.
-        """
-        if self.state == "closed":
-            raise DeviceError(f"{self.title} were closed.", fix="open them again.")
-        self._check(command)
-        if self.state != "active" or not command.values:
-            self.neutral()
-            return DriveCommand(command.mode)
-        if command.mode != "off":
-            self._mode = command.mode
-            largest = self._limits[command.mode]
-            values = [min(largest, max(-largest, value)) for value in command.values]
-            command = msgspec.structs.replace(command, values=values)
+    def put(self, command: DriveCommand, until_s: float) -> bool:
+        """Send each controller its part of a command; the lease is that of the controllers themselves."""
+        self._close_lost()
         message_of = _MESSAGES[command.mode]
-        for line, value in zip(self._lines, command.values, strict=True):
-            self._send(line, message_of(value))
-        return command
-
-    def _check(self, command: Any) -> None:
-        if type(command) is not DriveCommand:
-            raise CommandError(
-                f"Motors take DriveCommand, not {type(command).__name__}.", fix="DriveCommand('speed', [...])."
-            )
-        if command.mode not in _MESSAGES:
-            raise CommandError(f"Motors have no mode '{command.mode}'.", fix=suggest(command.mode, _MESSAGES))
-        if command.values and len(command.values) != len(self._lines):
-            raise CommandError(
-                f"'drive' has {len(command.values)} values, and there are {len(self._lines)} motors.",
-                fix="send one for each, in the order of the wheels, or none for neutral.",
-            )
-        largest = self._limits.get(command.mode, math.inf)
-        for i, value in enumerate(command.values):
-            check_finite(f"drive.values[{i}]", value, (-largest, largest))
-
-    def _send(self, line: VescLine, message: vesc.VescMessage) -> None:
-        try:
-            line.send(message)
-        except DeviceError:  # the line keeps it as its fault
-            self._unsent += 1
+        return self._send([message_of(value) for value in command.values])
 
     def neutral(self) -> None:
         """Brake, also after `close`, when there is nothing left to send it to."""
+        self._close_lost()
+        self._send([vesc.SetBrake(self._neutral_a)] * len(self._lines))
+
+    def _send(self, messages: Sequence[vesc.VescMessage]) -> bool:
+        """Send each controller its message; return whether it stays at that, or a lost one stops all."""
+        fault = ""
+        for line, message in zip(self._lines, messages, strict=True):
+            try:
+                line.send(message)
+            except DeviceError as error:  # the line keeps it as its fault
+                self._unsent += 1
+                fault = fault or error.message
+        if not (fault and self._stops_all):
+            return True
+        if self.state == "active":
+            self.fail(fault)
+        return False
+
+    def _close_lost(self) -> None:
+        lost = self._poll()
         for line in self._lines:
-            self._send(line, vesc.SetBrake(self._neutral_a))
+            if line.name in lost:
+                line.drop(lost[line.name])
 
     def counts(self) -> dict[str, int]:
         """Return the counters: 'unsent' messages."""
         return {"unsent": self._unsent}
 
     def on_configure(self) -> None:
-        """Open all controllers, and brake."""
-        for line in self._lines:
-            line.open(self)
+        """Open all controllers, and brake; raise the first error when all others are open."""
+        error = self._open_all()
         self.neutral()
+        if error is not None:
+            raise error
 
-    def on_deactivate(self, reason: str) -> None:
-        """Brake."""
-        self.neutral()
+    def on_activate(self) -> None:
+        """Open those that were lost since; one that is still lost counts as one that is lost now."""
+        self._open_all()
+
+    def _open_all(self) -> DeviceError | None:
+        first: DeviceError | None = None
+        for line in self._lines:
+            try:
+                line.open(self)
+            except DeviceError as error:
+                first = first or error
+        return first
 
     def on_close(self) -> None:
         """Release the controllers."""

@@ -12,7 +12,7 @@ import os
 import select
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from snr_sim.devices.wire.permission import group_of, how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
@@ -43,6 +43,27 @@ class BytePort(Protocol):
     def close(self) -> None:
         """Close the port. Never raises; safe to call twice."""
         ...
+
+
+class PortInfo(NamedTuple):
+    """A serial port as the kernel lists it.
+
+    Args:
+        path: device file. It depends on the order in which devices were found: /dev/ttyUSB0 is another one tomorrow.
+        about: its device, if known.
+        serial_number: of the USB device, if it has one; not always unique.
+        usb_path: bus, hub and socket that it is plugged into, '1-1.2', and the interface if it has several.
+    """
+
+    path: str
+    about: str = ""
+    serial_number: str = ""
+    usb_path: str = ""
+
+    @property
+    def title(self) -> str:
+        """Where to look for it: the socket, if known."""
+        return f"usb-{self.usb_path}" if self.usb_path else self.path
 
 
 class SerialPort:
@@ -118,10 +139,23 @@ def check_port(path: str) -> None:
 
 def ports() -> list[str]:
     """Return the serial ports of this computer, each with its device if known."""
+    return [f"{port.path} ({port.about})" if port.about else port.path for port in list_ports()]
+
+
+def list_ports() -> list[PortInfo]:
+    """Return the serial ports of this computer, by their paths; raise a DeviceError if one vanishes meanwhile."""
     _pyserial()
-    found = importlib.import_module("serial.tools.list_ports").comports()
+    try:
+        found = importlib.import_module("serial.tools.list_ports").comports()
+    except (OSError, TypeError) as error:  # pyserial 3.5 reads None where a number was
+        raise DeviceError(f"The serial ports cannot be listed: {error}.", fix="try again in a second.") from error
     return sorted(
-        port.device if port.description in ("n/a", "", None) else f"{port.device} ({port.description})"
+        PortInfo(
+            port.device,
+            "" if port.description in ("n/a", None) else port.description,
+            port.serial_number or "",
+            port.location or "",
+        )
         for port in found
     )
 

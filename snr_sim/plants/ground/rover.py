@@ -207,6 +207,8 @@ class Rover:
         step_s = self.step_s
         if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
+        if self.time_s >= self.motors.until_s:
+            self.motors.expire(self.time_s)
         rates = self._advance()
         self.motors.draw(rates, step_s)
         self.steps += 1

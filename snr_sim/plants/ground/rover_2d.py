@@ -152,6 +152,8 @@ class Rover2D:
         step_s, old = self.step_s, self.state
         if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
+        if self.time_s >= self.motors.until_s:
+            self.motors.expire(self.time_s)
         rates = [old.rates[i] for i in self._friction.driven]
         self.motors.limit(rates)
         state = self._drive(old)

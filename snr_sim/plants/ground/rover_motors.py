@@ -74,6 +74,7 @@ class RoverMotors:
     Attributes:
         inputs: of the plant: "drive" for all motors, and "motor_<wheel>" for each alone.
         faults: motors that break.
+        until_s: when `expire` is due.
     """
 
     def __init__(self, vehicle: RoverVehicle, axles: Axles) -> None:
@@ -94,6 +95,8 @@ class RoverMotors:
         self.battery: Battery = Battery(self._vehicle.battery, charge)
         self._voltage_v = self._line_v = self.battery.voltage_v(self._vehicle.electronics_a)
         self.current_a: float = self._vehicle.electronics_a  # out of the battery
+        self.until_s: float = math.inf
+        self._untils = [math.inf] * self._count
         self.command("off", (0.0,) * self._count)
 
     def order(self, name: str, command: DriveCommand, time_s: float) -> None:
@@ -102,7 +105,7 @@ class RoverMotors:
         Args:
             name: one of `inputs`: "drive", or the only motor that the command is for.
             command: see `DriveCommand`.
-            time_s: of the plant, for errors.
+            time_s: of the plant. A command that is valid until then is neutral.
 
         Raises:
             UnknownNameError: there is no such mode.
@@ -120,7 +123,19 @@ class RoverMotors:
                 f"At {time_s:g} s the command '{name}' is {values}.",
                 fix=f"send {expected}.",
             )
-        self.command(mode, values, which)
+        is_valid = command.until_s > time_s  # also if it is NaN
+        self.command(mode if is_valid else "brake", values if is_valid else [NEUTRAL_BRAKE_A] * len(which), which)
+        for i in which:
+            self._untils[i] = command.until_s if is_valid else math.inf
+        self.until_s = min(self._untils)
+
+    def expire(self, time_s: float) -> None:
+        """Put motors at neutral whose commands are valid no longer."""
+        which = [i for i, until_s in enumerate(self._untils) if until_s <= time_s]
+        self.command("brake", [NEUTRAL_BRAKE_A] * len(which), which)
+        for i in which:
+            self._untils[i] = math.inf
+        self.until_s = min(self._untils)
 
     def command(self, mode: str, values: Sequence[float], which: Sequence[int] | None = None) -> None:
         """Set what motors do, of all or of those with these indices: see `DcMotor.drive`."""
@@ -197,13 +212,14 @@ class RoverMotors:
 
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that the engine's does not hold."""
-        voltages = self._voltage_v, self._line_v
-        return tuple(self._commands), *voltages, self.current_a, self.battery.snapshot(), self.faults.snapshot()
+        state = tuple(self._commands), tuple(self._untils), self._voltage_v, self._line_v, self.current_a
+        return *state, self.battery.snapshot(), self.faults.snapshot()
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Put back what `snapshot` returned."""
-        commands, self._voltage_v, self._line_v, self.current_a, battery, faults = snapshot
-        self._commands = list(commands)
+        commands, untils, self._voltage_v, self._line_v, self.current_a, battery, faults = snapshot
+        self._commands, self._untils = list(commands), list(untils)
+        self.until_s = min(untils)
         self.faults.restore(faults)
         self.battery.restore(battery)
         self._set_lines()

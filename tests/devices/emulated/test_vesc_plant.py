@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from snr_sim.devices.emulated.emulated_vesc import ScriptedFault
-from snr_sim.devices.emulated.vesc_plant import VescPlant
+from snr_sim.devices.emulated.vesc_plant import Replug, VescPlant
+from snr_sim.devices.wire.serial_port import PortInfo
 from snr_sim.plants import RoverVehicle
-from snr_sim.prelude.errors import PlantError
+from snr_sim.prelude.errors import DeviceError, PlantError
 from snr_sim.prelude.ground_signals import MotorReading
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
@@ -41,6 +42,37 @@ def test_plant_reset_powers_up_new_controllers() -> None:
     assert plant._ports["motor_LF"].read() == b""
 
 
+def test_unplugged_port_is_gone_also_after_it_is_plugged_in_again() -> None:
+    plant = VescPlant(FakePlant({"motor_LF": STATE}, ("motor_LF",)), ["motor_LF"], 228.0)
+    ports = [plant.open_port("/dev/ttyACM0") for _ in range(2)]
+    plant.unplug("motor_LF")
+    assert plant.list_ports() == []
+    with pytest.raises(DeviceError, match="no serial port /dev/ttyACM0"):
+        plant.open_port("/dev/ttyACM0")
+    plant.plug_in("motor_LF", "motor_LF")
+    for port in ports:
+        with pytest.raises(DeviceError, match="/dev/ttyACM0 is gone: it was unplugged"):
+            port.read()
+    assert plant.open_port("/dev/ttyACM0").read() == b""
+
+
+def test_scripted_replugs_swap_sockets_and_device_files() -> None:
+    names = ["motor_LF", "motor_LM", "motor_LB"]
+    replugs = [Replug("motor_LF", 1.0, 3.0, "motor_LM"), Replug("motor_LM", 1.0, 2.0, "motor_LF")]
+    plant = VescPlant(FakePlant(dict.fromkeys(names, STATE), tuple(names)), names, 228.0, replugs=replugs)
+    sockets = []
+    for _ in range(4):
+        plant.step(1.0)
+        sockets.append({port.path.removeprefix("/dev/tty"): port.usb_path for port in plant.list_ports()})
+    assert sockets == [
+        {"ACM0": "1-1.1", "ACM1": "1-1.2", "ACM2": "1-1.3"},
+        {"ACM2": "1-1.3"},
+        {"ACM2": "1-1.3", "ACM0": "1-1.1"},
+        {"ACM2": "1-1.3", "ACM0": "1-1.1", "ACM1": "1-1.2"},
+    ]
+    assert plant._plugged[PortInfo("/dev/ttyACM0", usb_path="1-1.1")] == "motor_LM"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", ["rover_hill", "rover_teleop", LONG])
 def test_rover_over_bytes_reaches_its_goal_with_the_same_digest_twice(scenario: str, tmp_path: Path) -> None:
@@ -63,7 +95,7 @@ def climb(**faults: ScriptedFault) -> RunResult:
     assert isinstance(made, VescPlant)
     vehicle: RoverVehicle = made.vehicle
     names = [f"motor_{wheel.name}" for wheel in vehicle.motor_wheels]
-    plant = VescPlant(made.plant, names, 228.0, {name: [fault] for name, fault in faults.items()})
+    plant = VescPlant(made.plant, names, 228.0, {name: [fault] for name, fault in faults.items()}, dialect="seed")
     return SimulationRun(simulation, plant, simulation.config(plant)).run()
 
 

@@ -7,11 +7,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
+from types import SimpleNamespace
 
 import pytest
 
 from snr_sim.devices.wire import serial_port
-from snr_sim.devices.wire.serial_port import SerialPort, check_port
+from snr_sim.devices.wire.serial_port import PortInfo, SerialPort, check_port, list_ports, ports
 from snr_sim.prelude.errors import DeviceError, MissingExtraError
 
 
@@ -135,3 +136,26 @@ def test_serial_port_without_pyserial_names_extra(cable: Cable, monkeypatch: pyt
     monkeypatch.setitem(__import__("sys").modules, "serial", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'snr_sim\[hardware\]'"):
         SerialPort(cable.path)
+
+
+def comports(*rows: tuple[str, str | None, str | None, str | None]) -> list[SimpleNamespace]:
+    """Return ports as pyserial lists them: device, description, serial number, location."""
+    return [
+        SimpleNamespace(**dict(zip(("device", "description", "serial_number", "location"), row, strict=True)))
+        for row in rows
+    ]
+
+
+def test_ports_are_listed_with_what_identifies_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = comports(("/dev/ttyUSB0", "FT232R", "A1", "1-1.2"), ("/dev/ttyS0", "n/a", None, None))
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
+    plain, adapter = list_ports()
+    assert (plain, plain.title) == (PortInfo("/dev/ttyS0"), "/dev/ttyS0")
+    assert (adapter, adapter.title) == (PortInfo("/dev/ttyUSB0", "FT232R", "A1", "1-1.2"), "usb-1-1.2")
+    assert ports() == ["/dev/ttyS0", "/dev/ttyUSB0 (FT232R)"]
+
+
+def test_port_that_vanishes_while_it_is_listed_is_an_error_of_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: int(None))  # type: ignore[call-overload]
+    with pytest.raises(DeviceError, match="cannot be listed"):
+        list_ports()
