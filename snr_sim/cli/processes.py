@@ -75,6 +75,7 @@ def runner_of(file: Path, names: list[str], seed: int) -> ProcessRunner:
         return ProcessRunner([class_in(found, name) for name in names], seed=seed)
     runners = [one for one in found.values() if isinstance(one, ProcessRunner)]
     if runners:
-        return ProcessRunner(runners[0].specs, seed=seed)
+        runners[0].seed = seed or runners[0].seed
+        return runners[0]
     kinds = [one for one in found.values() if isinstance(one, type) and issubclass(one, RoverProcess)]
     return ProcessRunner([one for one in kinds if one.__module__ == file.stem], seed=seed)

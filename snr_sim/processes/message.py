@@ -41,20 +41,23 @@ class RoverMessage(NamedTuple):
     data: Any
 
 
-def check_key(process: str, verb: str, key: Any, value: Any = None) -> None:
-    """Raise a ConfigError unless a process can publish, or subscribe to, a key.
+def check_key(process: str, key: Any, value: Any = None, *, is_subscription: bool = False) -> None:
+    """Raise a ConfigError unless a process can publish a value under a key, or subscribe to it.
 
-    >>> check_key("Drive", "publishes", "wd_pet")
+    >>> check_key("Drive", "wd_pet")
     Traceback (most recent call last):
     snr_sim.prelude.errors.ConfigError: Drive publishes 'wd_pet', which the state manager keeps for itself.
       Try: self.watchdog_pet().
     """
+    verb = "subscribes to" if is_subscription else "publishes"
     if not (isinstance(key, str) and 0 < len(key) <= MAX_KEY_CHARS and key.isprintable()):
         raise ConfigError(
             f"{process} {verb} {repr(key)[:80]}, which is not a key.",
             fix=f"a key is text of 1 to {MAX_KEY_CHARS} characters that can be printed, such as 'joystick1'.",
         )
-    if key in _METHODS:
+    if key == QUIT and is_subscription:
+        fix = "leave it out: on_quit(self, data) is called without a subscription."
+    elif key in _METHODS:
         fix = f"{_METHODS[key].format(value)}."
     elif key.startswith("$"):
         fix = f"a key without the $: {key.lstrip('$') or 'speed'!r}."

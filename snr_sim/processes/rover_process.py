@@ -109,7 +109,7 @@ class RoverProcess(SeedNames):
             ConfigError: the key is not text, or is one that the state manager keeps for itself.
             ValueEncodingError: the value cannot be sent to another process.
         """
-        check_key(self.name, "publishes", key, value)
+        check_key(self.name, key, value)
         self._uplink.send(key, value)
 
     def subscribe(self, key: str, with_last: bool = False) -> None:
@@ -122,7 +122,7 @@ class RoverProcess(SeedNames):
         Raises:
             ConfigError: the key is not text, or is one that the state manager keeps for itself.
         """
-        check_key(self.name, "subscribes to", key)
+        check_key(self.name, key, is_subscription=True)
         self._uplink.keys[key] = with_last
         self._uplink.ever.add(key)
         self._uplink.report_keys([key] if with_last else [])

@@ -14,7 +14,6 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim.core.config import AnyFactory, Config, Mode
-from snr_sim.core.reload.sources import source_files
 from snr_sim.core.source_location import short_path
 from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.wire.serial_port import check_port
@@ -24,10 +23,6 @@ from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
-from snr_sim.processes.enabled import class_in
-from snr_sim.processes.message import BROKER
-from snr_sim.processes.rover_process import RoverProcess
-from snr_sim.processes.runner import ProcessRunner
 from snr_sim.recording.folder import new_header, trace_path
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.recorded_run import RecordedRun
@@ -457,21 +452,14 @@ def wiring_of_file(name: str, roles: Sequence[str] = ()) -> Config:
     config = getattr(module, "config", None)
     if isinstance(config, Config):
         return config
-    runner = next((one for one in vars(module).values() if isinstance(one, ProcessRunner)), None)
-    if runner is None and BROKER in roles:
-        runner = ProcessRunner([_process_class(module, role) for role in roles if role != BROKER])
-    if runner is None:
+    from snr_sim.scenario.process_wiring import wiring_of_processes  # few programs have processes
+
+    found = wiring_of_processes(module, roles)
+    if found is None:
         raise ConfigError(
             f"{name} has no `config` that is a Config.", fix="config = Config(factories={...}) at top level."
         )
-    return runner.config()
-
-
-def _process_class(module: ModuleType, name: str) -> type[RoverProcess]:
-    """Return the class of a process: in this file, or in the file of its name next to it."""
-    file = Path(str(module.__file__)).with_name(f"{name}.py")
-    has_own_file = not hasattr(module, name) and source_files().is_file(file)
-    return class_in(vars(library.load_program(str(file)) if has_own_file else module), name)
+    return found
 
 
 def commands_of(roles: Sequence[str], config: Config) -> dict[str, list[str]]:

@@ -88,3 +88,15 @@ def test_sleep_in_a_loop_is_named_by_a_checked_replay(snr: Any, rover: Path) -> 
     run = snr("processes", "sleepy.py", "--sim", "2", "--json").json["run_dir"]
     (call,) = snr("replay", run, "--check", "--json").json["outside_calls"]
     assert "time.sleep()" in str(call)
+
+
+def test_run_of_a_runner_with_names_and_arguments_replays_by_that_runner(snr: Any, rover: Path) -> None:
+    text = "".join(PING.format(**case) for case in CASES)
+    (rover / "named.py").write_text(
+        f"{text}\nfrom snr_sim.processes import ProcessRunner\n"
+        "runner = ProcessRunner([Ping.with_args(name='P1', gain=2), Pong.with_args(name='P2')])\n"
+    )
+    answer = snr("processes", "named.py", "--sim", "5", "--json").json
+    assert answer["processes"] == ["P1", "P2"]
+    replayed = snr("replay", answer["run_dir"], "--json")
+    assert (replayed.status, replayed.json["identical"]) == (0, True), replayed.err

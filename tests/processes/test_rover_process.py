@@ -414,6 +414,11 @@ def test_key_of_the_broker_is_rejected_with_the_method_to_use(key: str, fix: str
     assert f"Try: {fix}." in str(raised.value)
 
 
+def test_subscription_to_quit_is_rejected_as_needless() -> None:
+    with pytest.raises(ComponentFailedError, match=r"(?s)A subscribes to 'quit', which.*Try: leave it out: on_quit"):
+        simulate(script("A", {}, "quit"))
+
+
 @pytest.mark.parametrize("key", ["", "k" * 65, "a\nb", 7])
 def test_key_that_is_not_a_short_text_raises(key: Any) -> None:
     with pytest.raises(ComponentFailedError, match="which is not a key"):
