@@ -30,7 +30,7 @@ MAX_LINES = {
     "robots": 5303,
     "scenarios": 2031,
     "assignments": 8500,
-    "tests": 93460,
+    "tests": 93470,
     "snr_sim/grading/sandbox": 800,
 }
 
