@@ -14,6 +14,7 @@ is not counted. A hang is one failure: the process is asked to end, and killed i
 
 from __future__ import annotations
 
+import signal
 from typing import Literal, NamedTuple
 
 from snr_sim.prelude.errors import UnknownNameError, suggest
@@ -91,9 +92,9 @@ class Tree:
         process = self.process(name)
         is_asked = process.life == "ending" or process.is_going_down
         self._unwatch(process)
-        if status:
+        if status and not (is_asked and status == -signal.SIGKILL):  # a process that has not begun is killed to end it
             self.failed(name, why)
-        process.life, process.kill_at_s = "failed" if process.has_failed and not is_asked else "ended", None
+        process.life, process.kill_at_s = "failed" if process.has_failed else "ended", None
         restart = process.child.restart
         if not is_asked and (restart == "always" or (restart == "on_failure" and process.has_failed)):
             self._member_failed(process, process.why if process.has_failed else "it ended by itself", now_s)
@@ -113,6 +114,7 @@ class Tree:
             self._ask_to_end(process, "hung", now_s)
         for process in self._processes.values():
             if process.kill_at_s is not None and process.kill_at_s <= now_s:
+                self.failed(process.name, f"it did not end within {process.child.timeouts.end_s:g} s, and was killed")
                 self._kill(process)
         return self._settle(now_s)
 

@@ -8,10 +8,21 @@ from snr_sim.supervision.beats import BEAT_S, Beats, beat_period_s
 from snr_sim.testing.function_components import FunctionEndpointFactory
 
 
+class Line:
+    """A connection to the supervisor that keeps what is sent."""
+
+    def __init__(self, sent: list[tuple[object, ...]]) -> None:
+        self.sent = sent
+
+    def __call__(self, *values: object) -> bool:
+        self.sent.append(values)
+        return True
+
+
 def test_node_reports_once_it_has_begun_and_only_after_progress() -> None:
     node = Node("drive", Config(factories={"drive": [FunctionEndpointFactory()]}), clock=SimClock())
     sent: list[tuple[object, ...]] = []
-    beats = Beats(node, lambda *values: sent.append(values) or True)
+    beats = Beats(node, Line(sent))
     beats.check()
     node.begin()
     beats.check()
@@ -36,7 +47,7 @@ def test_report_has_processor_time_memory_and_waiting_tasks() -> None:
     node.begin()
     node.inbox.wait(0.0)
     node.schedule([tasks.event("go"), tasks.event("go")])
-    assert Beats(node, lambda *values: sent.append(values) or True).check()
+    assert Beats(node, Line(sent)).check()
     ((what, cpu_s, rss_mb, waiting),) = sent
     assert what == "beat"
     assert isinstance(cpu_s, float)

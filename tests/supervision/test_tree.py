@@ -243,6 +243,20 @@ def test_second_stop_asks_all_at_once_and_third_kills() -> None:
     assert world.take_log() == ["kill guard", "kill drive", "kill gps"]
 
 
+def test_process_that_had_to_be_killed_at_the_stop_has_failed_and_says_so() -> None:
+    world = World(group("root", "drive", "gps"))
+    world.stop()
+    world.end("gps", -9)  # it had not begun, so it was killed at once
+    world.tick(2.0)
+    assert world.take_log()[-2:] == ["end drive", "kill drive"]
+    world.end("drive", -9)
+    assert [(world.tree.process(name).state, world.tree.process(name).why) for name in ("drive", "gps")] == [
+        ("failed", "it did not end within 2 s, and was killed"),
+        ("ended", ""),
+    ]
+    assert world.tree.is_over
+
+
 def test_own_report_of_a_failure_is_kept_as_its_reason() -> None:
     world = World(group("root", "gps"))
     world.tree.failed("gps", "DeviceError: /dev/ttyUSB0 is gone")
