@@ -17,6 +17,7 @@ from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.plants import Rover2D, RoverStart, read_rover
 from snr_sim.plants.ground.height_map import flat
 from snr_sim.prelude.device import LEASE_S, Stale
+from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 from snr_sim.testing.fakes import FakePlant
 from snr_sim.testing.motor_contract import check_motors
@@ -144,6 +145,36 @@ def test_controllers_that_return_swapped_drive_and_read_their_own_wheels() -> No
     readings = [sensor.read() for sensor in bench.sensors]
     assert [getattr(reading, "speed_radps", reading) for reading in readings] == pytest.approx(range(6), abs=5e-4)
     assert [value for _, value in bench.does()] == pytest.approx(command.values, abs=1e-3)
+
+
+def test_two_controllers_of_one_name_are_stated_and_all_brake_until_one_has_another() -> None:
+    bench = PortsBench()
+    motors, command = bench.open(), DriveCommand("speed", [2.0] * 6)
+    motors.configure()
+    motors.activate()
+    bench.unplug(0)
+    bench.plant._controllers[NAMES[0]]._name = NAMES[3]
+    bench.advance(0.6)
+    motors.write(command)
+    bench.plug_in(0)
+    bench.advance(0.6)
+    motors.write(command)
+    both = "Controllers on usb-1-1.4 and usb-1-1.1 both say they are 'motor_RF'. Neither is driven."
+    with pytest.raises(DeviceError, match=f"No controller says it is 'motor_LF'. {both}"):
+        motors.configure()
+    reasons = [reading.reason for sensor in bench.sensors if isinstance(reading := sensor.read(), Stale)]
+    assert reasons == ["The controller of motor_LF was unplugged from usb-1-1.1.", both]
+    assert {mode for mode, _ in bench.does()} == {"brake"}
+    bench.unplug(0)
+    bench.plant._controllers[NAMES[0]]._name = NAMES[0]
+    bench.advance(0.6)
+    motors.write(command)
+    bench.plug_in(0)
+    bench.advance(0.6)
+    motors.configure()
+    motors.activate()
+    assert motors.write(command) == command
+    assert {mode for mode, _ in bench.does()} == {"speed"}
 
 
 def test_wheels_of_a_plant_have_leases_of_their_own() -> None:
