@@ -14,13 +14,14 @@ from snr_sim.devices.motors.port_watch import PortWatch
 from snr_sim.devices.motors.vesc_line import VescLine
 from snr_sim.devices.motors.vesc_motors import VescMotors, VescSensor
 from snr_sim.devices.wire.vesc_messages import Dialect
-from snr_sim.plants import Rover2D, RoverStart, read_rover
+from snr_sim.plants import Rover, Rover2D, RoverStart, read_rover
 from snr_sim.plants.ground.height_map import flat
 from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 from snr_sim.testing.fakes import FakePlant
 from snr_sim.testing.motor_contract import check_motors
+from tests.lanes import slow
 
 VEHICLE = read_rover(Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml")
 NAMES = [f"motor_{wheel.name}" for wheel in VEHICLE.motor_wheels]
@@ -177,13 +178,18 @@ def test_two_controllers_of_one_name_are_stated_and_all_brake_until_one_has_anot
     assert {mode for mode, _ in bench.does()} == {"speed"}
 
 
-def test_wheels_of_a_plant_have_leases_of_their_own() -> None:
+@pytest.mark.parametrize("body", [Rover2D, slow(Rover)])
+def test_wheels_of_a_plant_have_leases_of_their_own_also_after_restore(body: type[Rover2D] | type[Rover]) -> None:
     bench = SimBench()
+    bench.plant = body(VEHICLE, flat(), lambda seed: RoverStart())
     bench.plant.write("drive", DriveCommand("current", [1.0] * 6, until_s=0.3))
     bench.plant.write("motor_LM", DriveCommand("current", [1.0], until_s=0.5))
     bench.plant.write("motor_RB", DriveCommand("current", [1.0]))
-    found = []
-    for _ in range(3):
-        bench.advance(LEASE_S)
-        found.append([i for i, (mode, _) in enumerate(bench.does()) if mode == "current"])
-    assert found == [[0, 1, 2, 3, 4, 5], [1, 5], [5]]
+    snapshot = bench.plant.snapshot()
+    for _ in range(2):
+        found = []
+        for _ in range(3):
+            bench.advance(LEASE_S)
+            found.append([i for i, (mode, _) in enumerate(bench.does()) if mode == "current"])
+        assert found == [[0, 1, 2, 3, 4, 5], [1, 5], [5]]
+        bench.plant.restore(snapshot)
