@@ -31,7 +31,7 @@ MAX_LINES = {
     "robots": 5713,
     "scenarios": 2479,
     "assignments": 8828,
-    "tests": 96403,
+    "tests": 96453,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -14,12 +14,14 @@ from snr_sim.devices.motors.port_watch import PortWatch
 from snr_sim.devices.motors.vesc_line import VescLine
 from snr_sim.devices.motors.vesc_motors import VescMotors, VescSensor
 from snr_sim.devices.wire.vesc_messages import Dialect
-from snr_sim.plants import Rover2D, RoverStart, read_rover
+from snr_sim.plants import Rover, Rover2D, RoverStart, read_rover
 from snr_sim.plants.ground.height_map import flat
 from snr_sim.prelude.device import LEASE_S, Stale
+from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 from snr_sim.testing.fakes import FakePlant
 from snr_sim.testing.motor_contract import check_motors
+from tests.lanes import slow
 
 VEHICLE = read_rover(Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml")
 NAMES = [f"motor_{wheel.name}" for wheel in VEHICLE.motor_wheels]
@@ -146,13 +148,48 @@ def test_controllers_that_return_swapped_drive_and_read_their_own_wheels() -> No
     assert [value for _, value in bench.does()] == pytest.approx(command.values, abs=1e-3)
 
 
-def test_wheels_of_a_plant_have_leases_of_their_own() -> None:
+def test_two_controllers_of_one_name_are_stated_and_all_brake_until_one_has_another() -> None:
+    bench = PortsBench()
+    motors, command = bench.open(), DriveCommand("speed", [2.0] * 6)
+    motors.configure()
+    motors.activate()
+    bench.unplug(0)
+    bench.plant._controllers[NAMES[0]]._name = NAMES[3]
+    bench.advance(0.6)
+    motors.write(command)
+    bench.plug_in(0)
+    bench.advance(0.6)
+    motors.write(command)
+    both = "Controllers on usb-1-1.4 and usb-1-1.1 both say they are 'motor_RF'. Neither is driven."
+    with pytest.raises(DeviceError, match=f"No controller says it is 'motor_LF'. {both}"):
+        motors.configure()
+    reasons = [reading.reason for sensor in bench.sensors if isinstance(reading := sensor.read(), Stale)]
+    assert reasons == ["The controller of motor_LF was unplugged from usb-1-1.1.", both]
+    assert {mode for mode, _ in bench.does()} == {"brake"}
+    bench.unplug(0)
+    bench.plant._controllers[NAMES[0]]._name = NAMES[0]
+    bench.advance(0.6)
+    motors.write(command)
+    bench.plug_in(0)
+    bench.advance(0.6)
+    motors.configure()
+    motors.activate()
+    assert motors.write(command) == command
+    assert {mode for mode, _ in bench.does()} == {"speed"}
+
+
+@pytest.mark.parametrize("body", [Rover2D, slow(Rover)])
+def test_wheels_of_a_plant_have_leases_of_their_own_also_after_restore(body: type[Rover2D] | type[Rover]) -> None:
     bench = SimBench()
+    bench.plant = body(VEHICLE, flat(), lambda seed: RoverStart())
     bench.plant.write("drive", DriveCommand("current", [1.0] * 6, until_s=0.3))
     bench.plant.write("motor_LM", DriveCommand("current", [1.0], until_s=0.5))
     bench.plant.write("motor_RB", DriveCommand("current", [1.0]))
-    found = []
-    for _ in range(3):
-        bench.advance(LEASE_S)
-        found.append([i for i, (mode, _) in enumerate(bench.does()) if mode == "current"])
-    assert found == [[0, 1, 2, 3, 4, 5], [1, 5], [5]]
+    snapshot = bench.plant.snapshot()
+    for _ in range(2):
+        found = []
+        for _ in range(3):
+            bench.advance(LEASE_S)
+            found.append([i for i, (mode, _) in enumerate(bench.does()) if mode == "current"])
+        assert found == [[0, 1, 2, 3, 4, 5], [1, 5], [5]]
+        bench.plant.restore(snapshot)

@@ -103,24 +103,24 @@ class VescMotors(MotorBackend):
         return {"unsent": self._unsent}
 
     def on_configure(self) -> None:
-        """Open all controllers, and brake; raise the first error when all others are open."""
-        error = self._open_all()
+        """Open all controllers, and brake; raise one error for those that are lost when all others are open."""
+        errors = self._open_all()
         self.neutral()
-        if error is not None:
-            raise error
+        if errors:
+            raise DeviceError(" ".join(error.message for error in errors), fix=errors[0].fix) from errors[0]
 
     def on_activate(self) -> None:
         """Open those that were lost since; one that is still lost counts as one that is lost now."""
         self._open_all()
 
-    def _open_all(self) -> DeviceError | None:
-        first: DeviceError | None = None
+    def _open_all(self) -> list[DeviceError]:
+        errors: list[DeviceError] = []
         for line in self._lines:
             try:
                 line.open(self)
             except DeviceError as error:
-                first = first or error
-        return first
+                errors.append(error)
+        return errors
 
     def on_close(self) -> None:
         """Release the controllers."""
