@@ -11,7 +11,6 @@ A motor that is found broken stays so for the run. Only motors that are asked fo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from statistics import median
 from typing import Any
 
 from snr_sim import Endpoint, SomeTasks, Task, handles
@@ -49,7 +48,8 @@ class MotorJudge:
         """
         before = len(self.faults)
         whole = [name for name in motors if name not in self.faults]
-        others_a = median(abs(motors[name]["current_a"]) for name in whole) if whole else 0.0
+        currents_a = sorted(abs(motors[name]["current_a"]) for name in whole)
+        others_a = currents_a[len(currents_a) // 2] if currents_a else 0.0
         for name in whole:
             looks = ""
             if name in asked_radps:

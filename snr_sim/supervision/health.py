@@ -136,13 +136,14 @@ def read_health(folder: Path) -> Health:
     """
     path = folder / FILE_NAME
     try:
-        return msgspec.json.decode(path.read_bytes(), type=Health)
+        return _DECODER.decode(path.read_bytes())
     except FileNotFoundError:
         raise RecordingError(f"There is no {path}.", fix="name the `folder` of a SupervisedRunner.") from None
     except (OSError, msgspec.MsgspecError) as error:
         raise RecordingError(f"{path} cannot be read: {error}") from error
 
 
+_DECODER = msgspec.json.Decoder(Health)
 _HEAD = ("part", "state", "restarts", "pid", "silent", "CPU", "memory", "waiting", "last failure")
 
 

@@ -13,6 +13,7 @@ from snr_sim import SimClock, SimRunner
 from snr_sim.cli.machine import machine
 from snr_sim.cli.replay import replay
 from snr_sim.recording.records import TraceInfo
+from snr_sim.recording.sources import keep_copies
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
 from snr_sim.scenario.program import program_header
@@ -58,7 +59,7 @@ def run(tmp_path: Path) -> Path:
     program, folder, clock = tmp_path / "robot.py", tmp_path / "run", SimClock()
     program.write_text(PROGRAM)
     folder.mkdir()
-    with library.keep_copies(folder, [program]):
+    with keep_copies(folder, [program], library.is_own):
         config = library.load_program(str(program)).config
         header = program_header(["a", "b"], config, program, clock)
         recorder = TraceWriter(folder / FILE_NAME, header, TraceInfo.now("", str(program)))
