@@ -19,7 +19,7 @@ from snr_sim.scenario import Verdict, rng_for
 ROBOT = "rover"
 ROLES = ("rover",)
 ENGINES = ("mujoco", "pymunk")
-CONTROLLER = "reckoning"
+CONTROLLER = "dead_reckoning"
 TIME_LIMIT_S = 60.0
 
 FIELD_M, SPACING_M = 100.0, 5.0

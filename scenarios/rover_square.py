@@ -1,4 +1,4 @@
-"""Around a square and back to the start, by wheels and gyroscope alone: nothing tells the rover where it is.
+"""Around a square and back to the start, by wheels and gyroscope alone: no sensor measures where the rover is.
 
 It must come within half a meter of each corner, in their order, and stop at the last one, which is the start. Every
 seed is another square, to the left or to the right.
@@ -20,7 +20,7 @@ from snr_sim.scenario import Verdict, rng_for
 ROBOT = "rover"
 ROLES = ("rover",)
 ENGINES = ("pymunk", "mujoco")
-CONTROLLER = "reckoning"
+CONTROLLER = "dead_reckoning"
 END_S = 90.0
 TIME_LIMIT_S = END_S + 1.0
 

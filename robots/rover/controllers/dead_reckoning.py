@@ -1,7 +1,7 @@
 """Drives from point to point by its wheels and its gyroscope, also when one of its motors breaks.
 
 page "imu" --> heading by the gyroscope ----------------------------------------------------.
-pages "motor_..." --> MotorWatch --> page "motor_faults" --> Odometry --> page "odometry" --> pages "drive", "reckoning"
+pages "motor_..." --> MotorWatch --> page "motor_faults" --> Odometry --> page "odometry" --> pages "drive", "place"
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ def factories(robot: RobotInfo) -> list[EndpointFactory]:
     """Return what makes the controller's components."""
     parameters = robot.parameters
     odometry = Odometry.factory(parameters=parameters, is_watched=True)
-    return [MotorWatch.factory(parameters=parameters), odometry, Reckoning.factory(parameters=parameters)]
+    return [MotorWatch.factory(parameters=parameters), odometry, PointFollower.factory(parameters=parameters)]
 
 
-class Reckoning(Endpoint):
+class PointFollower(Endpoint):
     """Sets the wheels after each page "odometry"."""
 
     parameters: RoverParameters
@@ -55,4 +55,4 @@ class Reckoning(Endpoint):
             "reached": self.route.reached,
             "left_m": self.route.left_m(place.position_m),
         }
-        return [self.store_data_task("drive", drive), self.store_data_task("reckoning", page)]
+        return [self.store_data_task("drive", drive), self.store_data_task("place", page)]
