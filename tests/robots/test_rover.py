@@ -170,7 +170,9 @@ def test_script_drives_through_three_gates_and_back(tmp_path: Path) -> None:
         assert replay_node(trace, node, prepare(Request("rover_teleop")).config(None)).is_identical
 
 
-@pytest.mark.nightly(minutes=20)
+# In parts, so that workers share the longest test of the night.
+@pytest.mark.nightly(minutes=5)
+@pytest.mark.parametrize("seeds", [range(i, i + 25) for i in range(0, 100, 25)], ids=str)
 @pytest.mark.parametrize(
     ("scenario", "engine"),
     [
@@ -179,8 +181,9 @@ def test_script_drives_through_three_gates_and_back(tmp_path: Path) -> None:
         ("rover_lost_link", "pymunk"),
         ("rover_dead_motor", "pymunk"),
         ("rover_obstacle", "pymunk"),
+        ("rover_square", "pymunk"),
     ],
 )
-def test_rover_succeeds_with_every_seed(scenario: str, engine: str) -> None:
-    results = [run(seed=seed, scenario=scenario, engine=engine)[0] for seed in range(100)]
+def test_rover_succeeds_with_every_seed(scenario: str, engine: str, seeds: range) -> None:
+    results = [run(seed=seed, scenario=scenario, engine=engine)[0] for seed in seeds]
     assert [(one.outcome, one.error, one.notes) for one in results if not one.success] == []
