@@ -128,7 +128,7 @@ def sights(rng: random.Random) -> list[tuple[Sight, ...]]:
 def turns(rng: random.Random) -> list[Rates]:
     """Draw two gyroscopes."""
     return [
-        Rates(rng.uniform(0.005, 0.02) * sign, tuple(rng.uniform(-0.6, 0.6) for _ in range(100)), rng.getrandbits(31))
+        Rates(rng.uniform(0.02, 0.04) * sign, tuple(rng.uniform(-0.6, 0.6) for _ in range(100)), rng.getrandbits(31))
         for sign in (1.0, -1.0)
     ]
 
@@ -293,7 +293,7 @@ def bearing(student: Student, case: tuple[Sight, ...]) -> Verdict:
     return passed()
 
 
-@check(points=15, visible=[Rates(0.01, (0.3,) * 50, 7)], hidden=turns, needs=["loads"])
+@check(points=15, visible=[Rates(0.03, (0.3,) * 50, 7)], hidden=turns, needs=["loads"])
 def gyro(student: Student, case: Rates) -> Verdict:
     """Adds up the rates of turning, less what the gyroscope reads at rest."""
     rates, stamps = case.readings()

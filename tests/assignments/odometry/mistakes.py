@@ -50,7 +50,7 @@ MISTAKES = {
     ),
     "not_wrapped": Mistake(
         "Turns by more than half a circle.",
-        lost={"bearing": 15},
+        lost={"bearing": 15, "square": 20},
         hint="shorter the other way round",
         changes=[replace(FILE, "math.remainder(direction - heading_rad, 2.0 * math.pi)", "direction - heading_rad")],
     ),
@@ -74,7 +74,7 @@ MISTAKES = {
     ),
     "fixed_step": Mistake(
         "Takes all readings to be 0.02 s apart.",
-        lost={"gyro": 15},
+        lost={"gyro": 15, "in_the_node": 10},
         hint="do not come at equal distances",
         changes=[replace(FILE, "* (stamp_s - self.before_s)", "* 0.02")],
     ),
