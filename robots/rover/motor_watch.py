@@ -5,7 +5,8 @@ pages "motor_..." and "drive" --> MotorWatch --> page "motor_faults": faults, fr
     drags    it pushes with all its current, and its wheel turns less than half as fast as it is asked to
     dead     it is asked to turn and takes hardly a current, while most others take some
 
-A motor that is found broken stays so for the run. Only motors that are asked for speeds are judged, but for silence.
+A motor that is found broken stays so for the run. But for silence, only motors that are asked for speeds are judged,
+and none after the first that is found broken, which shifts the load of the others.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class MotorJudge:
         others_a = currents_a[len(currents_a) // 2] if currents_a else 0.0
         for name in whole:
             looks = ""
-            if name in asked_radps:
+            if name in asked_radps and not self.faults:
                 looks = self._looks(asked_radps[name], motors[name], others_a)
             if ages_s[name] > SILENT_S:
                 self.faults[name] = "silent"

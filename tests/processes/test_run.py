@@ -79,17 +79,41 @@ class Reads(Logs):
         return super().loop()
 
 
-class Fails(Logs):
+class Present(Logs):
+    """Reports that it runs."""
+
+    def loop(self) -> float:
+        self.publish("present", True)
+        return super().loop()
+
+
+class Waits(Logs):
+    """Waits until the other process runs: one that has not begun has nothing to clean up."""
+
+    def setup(self, args: Any) -> None:
+        super().setup(args)
+        self.subscribe("present")
+        self.is_met = False
+
+    def on_present(self, data: Any) -> None:
+        self.is_met = True
+
+
+class Fails(Waits):
     """Raises in its loop."""
 
     def loop(self) -> float:
-        raise ValueError("no wheel")
+        if self.is_met:
+            raise ValueError("no wheel")
+        return super().loop()
 
 
-class Stops(Logs):
+class Stops(Waits):
     """Sends a signal to the program that has started it."""
 
     def loop(self) -> float:
+        if not self.is_met:
+            return super().loop()
         os.kill(os.getppid(), signal.SIGTERM)
         return 3600.0
 
@@ -138,8 +162,8 @@ def test_messages_arrive_in_order_and_terminate_state_ends_all(tmp_path: Path) -
 
 def test_exception_in_loop_ends_all_and_names_the_line(tmp_path: Path) -> None:
     with pytest.raises(ComponentFailedError, match=r'(?s)test_run.py, line \d+: raise ValueError\("no wheel"\)'):
-        ProcessRunner([Fails, Logs]).run(tmp_path)
-    assert logged(tmp_path) == {"Fails": ["setup", "cleanup"], "Logs": ["setup", "cleanup"]}
+        ProcessRunner([Fails, Present]).run(tmp_path)
+    assert logged(tmp_path) == {"Fails": ["setup", "cleanup"], "Present": ["setup", "cleanup"]}
 
 
 def test_handlers_loop_and_spawned_functions_have_threads_of_their_own(tmp_path: Path) -> None:
@@ -148,5 +172,5 @@ def test_handlers_loop_and_spawned_functions_have_threads_of_their_own(tmp_path:
 
 
 def test_sigterm_cleans_up_each_process(tmp_path: Path) -> None:
-    ProcessRunner([Stops, Logs]).run(tmp_path)
-    assert logged(tmp_path) == {"Stops": ["setup", "cleanup"], "Logs": ["setup", "cleanup"]}
+    ProcessRunner([Stops, Present]).run(tmp_path)
+    assert logged(tmp_path) == {"Stops": ["setup", "cleanup"], "Present": ["setup", "cleanup"]}
