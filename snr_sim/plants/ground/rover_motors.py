@@ -84,7 +84,8 @@ class RoverMotors:
         self._motors_of |= {name: (i,) for i, name in enumerate(names)}
         self.inputs: tuple[str, ...] = tuple(self._motors_of)
         self._commands: list[tuple[str, float]] = [("off", 0.0)] * self._count
-        self._per_motor = 1.0 / vehicle.motor.nm_per_a, vehicle.motor.resistance_ohm, vehicle.motor.v_per_radps
+        motor = vehicle.motor
+        self._per_motor = 1.0 / motor.nm_per_a, motor.resistance_ohm, motor.v_per_radps, vehicle.electronics_a
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
         self._full_range = [(-limit_nm, limit_nm)] * self._count
         self.reset(1.0)
@@ -174,7 +175,7 @@ class RoverMotors:
 
     def draw(self, rates: Sequence[float], step_s: float) -> None:
         """Draw from the battery what motors and electronics have taken in a step."""
-        amperes, ohms, emf = self._per_motor
+        amperes, ohms, emf, electronics_a = self._per_motor
         power_w = 0.0
         for torque, rate in zip(self._axles.torques_nm(), rates, strict=True):
             current_a = torque * amperes
@@ -182,7 +183,7 @@ class RoverMotors:
             if one_w > 0.0:  # the controllers burn what comes back
                 power_w += one_w
         before_v = self._voltage_v
-        current_a = self._vehicle.electronics_a + (power_w / before_v if before_v > 0.0 else 0.0)
+        current_a = electronics_a + (power_w / before_v if before_v > 0.0 else 0.0)
         self.current_a = current_a
         self._voltage_v = voltage_v = self.battery.voltage_v(current_a)
         self.battery.draw(current_a, voltage_v, step_s)
