@@ -161,9 +161,9 @@ class Rover2D:
         motor_rates = [old_rates[i] for i in self._friction.driven]
         self.motors.limit(motor_rates)
         speeds, rates, drives_n, side_n, soils = self._drive(old)
-        felt = old.hit_n, old.hits, old.is_touching
+        hits = old.hit_n, old.hits, old.is_touching
         if self._contacts.is_due():
-            speeds, felt = self._touch(speeds, old)
+            speeds, hits = self._touch(speeds, old)
         (x, y), (vx, vy, turn), (old_vx, old_vy, old_turn) = old.position_m, speeds, old.speeds
         self.state = PlanarState(
             (x + step_s * vx, y + step_s * vy),
@@ -175,7 +175,7 @@ class Rover2D:
             side_n,
             speeds,
             ((vx - old_vx) / step_s, (vy - old_vy) / step_s, (turn - old_turn) / step_s),
-            *felt,
+            *hits,
             old.steps + 1,
         )
         self.motors.draw(motor_rates, step_s)

@@ -197,7 +197,7 @@ class WheelContacts:
         above_m = min(above_m, *((qx - px) * nx + (qy - py) * ny + (qz - pz) * nz for qx, qy, qz in points))
         vx, vy, vz, *turns = data.qvel[:6].tolist()
         fastest_mps = math.hypot(vx, vy, vz) + math.hypot(*turns) * self._belly_reach_m + BELLY_MORE_MPS
-        # Twice, on a steep slope; also of what is not finite it makes a number.
+        # Twice, on a steep slope; `min` has its first argument of NaN.
         self._belly_free = int(min(float(BELLY_MAX_STEPS), above_m / (2.0 * fastest_mps * self._step_s)))
         if self._belly_free > BELLY_STEPS:
             self._belly_pos[2] -= AWAY_M  # a plane that was laid long ago must not touch
