@@ -63,6 +63,7 @@ ELSEWHERE = {
     "rover_teleop mujoco 0": "robots/test_rover.py",
     "rover_unplug pymunk 0": "robots/test_rover_unplug.py",
     "rover_waypoints mujoco 0": "robots/test_rover.py",
+    "rover_wheel_up mujoco 0": "robots/test_rover_motors.py",
 }
 
 
