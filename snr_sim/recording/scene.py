@@ -78,7 +78,7 @@ def as_mesh(shape: dict[str, Any]) -> dict[str, Any]:
     first = (columns * np.arange(rows - 1)[:, None] + np.arange(columns - 1)).ravel()
     up = first + columns
     triangles = np.stack([first, first + 1, up, first + 1, up + 1, up], axis=1).reshape(-1, 3)
-    return {"kind": "mesh", "vertices_m": vertices, "triangles": triangles, "rgb": rgb_of(shape)}
+    return {"kind": "mesh", "vertices_m": vertices, "triangles": triangles.tolist(), "rgb": rgb_of(shape)}
 
 
 def size_of(shapes: Iterable[dict[str, Any]]) -> float:

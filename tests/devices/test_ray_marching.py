@@ -12,6 +12,7 @@ from snr_sim.plants.ground.height_map import HeightMap, flat, make_hills, ramp
 from snr_sim.plants.ground.rover_shapes import ground_shape
 from snr_sim.plants.outputs import PoseOutput
 from snr_sim.recording.scene import as_mesh
+from snr_sim.view.picture_bodies import faces_of
 
 Origin = tuple[float, float, float]
 
@@ -55,11 +56,13 @@ def test_field_is_shaded_and_covered_as_other_shapes_are() -> None:
 
 
 def test_hills_are_met_where_the_triangles_of_viewers_are() -> None:
-    """Between its corners a square of the field is curved: triangles differ from it by some centimetres."""
+    """Pictures draw its faces. A square of the field is curved: triangles differ by some centimetres."""
     field = ground_shape(make_hills(2, 0.5, size_m=24.0))
     origin, directions = (0.5, 1.0, 1.0), [*around(-0.12, 40), *around(-0.4, 20)]
     marched = seen(origin, directions, field).depths
     triangles = seen(origin, directions, as_mesh(field)).depths
+    rows, columns = field["shape"]
+    assert faces_of(as_mesh(field)).shape == (2 * (rows - 1) * (columns - 1), 3, 3)
     both = np.isfinite(marched) & np.isfinite(triangles)
     assert both.sum() >= 50
     assert (np.isfinite(marched) != np.isfinite(triangles)).sum() <= 1, "at an edge of the field"

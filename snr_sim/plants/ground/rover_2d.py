@@ -72,6 +72,7 @@ class Rover2D:
         self._soil_at = checked_soil(vehicle, ground, soil, step_s)
         chained = [wheel.name for wheel in vehicle.wheels if wheel.motor not in (OWN_MOTOR, NO_MOTOR)]
         check_valid(not chained, "What the motors of others turn", chained, "in the plane, use Dozer2D or Rover.")
+        check_valid(vehicle.arm is None, "The rover's arm in the plane", vehicle.arm, "leave it out, or use Rover.")
         self.vehicle: RoverVehicle = vehicle
         self.ground: HeightMap = ground
         self.obstacles: tuple[Obstacle, ...] = tuple(obstacles)

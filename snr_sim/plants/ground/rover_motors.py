@@ -47,9 +47,10 @@ class MujocoAxles:
     def __init__(self, vehicle: RoverVehicle, world: MujocoWorld) -> None:
         model, data = world.model, world.data
         self.dofs: list[int] = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.motor_wheels]
-        self._controls, self._torques = data.ctrl, data.actuator_force
-        self._gains, self._slopes = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 2]
-        self._ranges, self._friction = model.actuator_forcerange, model.dof_frictionloss
+        count = len(self.dofs)  # motors come before the servos of an arm
+        self._controls, self._torques = data.ctrl[:count], data.actuator_force[:count]
+        self._gains, self._slopes = model.actuator_gainprm[:count, 0], model.actuator_biasprm[:count, 2]
+        self._ranges, self._friction = model.actuator_forcerange[:count], model.dof_frictionloss
 
     def set_drives(self, drives: Sequence[Drive]) -> None:
         """Set what each motor does from now on."""
@@ -173,10 +174,9 @@ class RoverMotors:
             self._axles.set_limits(self._full_range)
             self._is_limited = False
 
-    def draw(self, rates: Sequence[float], step_s: float) -> None:
-        """Draw from the battery what motors and electronics have taken in a step."""
+    def draw(self, rates: Sequence[float], step_s: float, power_w: float = 0.0) -> None:
+        """Draw from the battery what motors and electronics have taken in a step, and the power of an arm."""
         amperes, ohms, emf, electronics_a = self._per_motor
-        power_w = 0.0
         for torque, rate in zip(self._axles.torques_nm(), rates, strict=True):
             current_a = torque * amperes
             one_w = current_a * (current_a * ohms + rate * emf)

@@ -50,6 +50,9 @@ def rover_shapes(vehicle: RoverVehicle) -> dict[str, list[dict[str, Any]]]:
             on_rocker, on_bogie = ([w.position_m for w in ours if w.hangs_on == part] for part in ("rocker", "bogie"))
             bodies[f"rocker_{side}"] = [_bar(x - rx, z - rz) for x, _, z in on_rocker] + [_bar(bx - rx, bz - rz)]
             bodies[f"bogie_{side}"] = [_bar(x - bx, z - bz) for x, _, z in on_bogie]
+    if vehicle.arm:
+        for rod in vehicle.arm.rods:
+            bodies[rod.name] = [polyline([[0.0, 0.0, 0.0], [rod.length_m, 0.0, 0.0]], SPOKE_RGB, ARM_M)]
     bodies.update((f"wheel_{wheel.name}", _wheel(wheel.radius_m, wheel.width_m)) for wheel in vehicle.wheels)
     return bodies
 
