@@ -100,9 +100,10 @@ def sim_scan(context: RobotContext) -> SimSensor:
 
 
 def sim_arm(context: RobotContext) -> SimActuator[ArmCommand]:
-    """Open the simulated servos of the arm, which clamp to the joints' limits themselves."""
-    plant = context.plant
-    return SimActuator(plant.plant if isinstance(plant, VescPlant) else plant, "arm", ArmCommand, {})
+    """Open the simulated servos of the arm, each of which has limits within these."""
+    plant, arm = context.plant, context.robot.parameters.vehicle.arm
+    limits = {"angles_rad": (min(arm.lows_rad), max(arm.highs_rad))}
+    return SimActuator(plant.plant if isinstance(plant, VescPlant) else plant, "arm", ArmCommand, limits)
 
 
 def sim_motors(context: RobotContext) -> SimMotors:
