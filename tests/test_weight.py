@@ -30,8 +30,8 @@ MAX_LINES = {
     "snr_sim/web": 2940,
     "robots": 5714,
     "scenarios": 2479,
-    "assignments": 8828,
-    "tests": 96474,
+    "assignments": 9387,
+    "tests": 96818,
     "snr_sim/grading/sandbox": 800,
 }
 
