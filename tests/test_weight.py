@@ -31,7 +31,7 @@ MAX_LINES = {
     "robots": 5714,
     "scenarios": 2479,
     "assignments": 9387,
-    "tests": 96818,
+    "tests": 96822,
     "snr_sim/grading/sandbox": 800,
 }
 
