@@ -30,8 +30,8 @@ MAX_LINES = {
     "snr_sim/web": 2940,
     "robots": 5714,
     "scenarios": 2479,
-    "assignments": 9387,
-    "tests": 96822,
+    "assignments": 9389,
+    "tests": 96840,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -167,7 +167,7 @@ def delays(student: Student, case: Failures) -> Verdict:
         hint = "It grows by 0.1 s each time. Twice as long each time: 0.1, 0.2, 0.4, 0.8."
     elif got > 5.0:
         hint = "It grows without an end: 5 s at most."
-    return failed(hint, f"{right:g} s after {case.count} failures", f"{got:g} s")
+    return failed(hint, f"delay_s({case.count}) is {right:g} s", f"{got:g} s")
 
 
 @check(
@@ -309,7 +309,7 @@ def tree(student: Student, case: Story) -> Verdict:
     if not wrong:
         return passed()
     shown = "; ".join(f"{at_s:.1f} s: {what} {part}".rstrip() for at_s, what, part in orders if at_s > 0.0)
-    return failed(wrong, "as the page says", shown[:300] or "nothing happens after the start")
+    return failed(wrong, "as the table of step 5 says", shown[:300] or "nothing happens after the start")
 
 
 # -- the drive --------------------------------------------------------------------------------------------------------

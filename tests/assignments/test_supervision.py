@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.assignments.mistakes import write_solution
+from tests.assignments.mistakes import Mistake, replace, write_solution
 from tests.assignments.supervision.mistakes import MISTAKES
 
 LAB = "15_supervision"
@@ -28,6 +28,24 @@ def test_starter_runs_and_gets_first_hints(mark: Callable[..., Any]) -> None:
     feedback = mark(LAB, starter=True).feedback
     assert "plan() has one Child for each part of the rover, in any depth: step 5." in feedback
     assert "It moves by a stick from before its begin" in feedback
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("return sorted(name for", "return print(name for", "hanging returns None"),
+        ('return Supervisor(\n        "root",\n        ', "return list(", "plan() returns list"),
+        ('Child("navigator", "on_failure")', 'Child("camera")', "has a name twice: camera"),
+    ],
+)
+def test_answer_of_another_type_gets_a_hint(
+    mark: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, old: str, new: str, message: str
+) -> None:
+    mistake = Mistake(
+        "Answers with something else.", changes=[replace("supervise.py", old, new)], lost={}, hint=message
+    )
+    monkeypatch.setitem(MISTAKES, "another type", mistake)
+    assert message in mark(LAB, "another type").feedback
 
 
 @pytest.mark.nightly  # those of lab 1 and 11 are tried before each landing

@@ -26,6 +26,8 @@ class Bench:
         for method, *arguments in story:
             answer = getattr(watchdog, method)(*arguments)
             if method == "hanging":
+                if not isinstance(answer, (list, tuple, set)):
+                    raise ConfigError(f"hanging returns {answer!r}.", fix="return a list of names, empty for none.")
                 answers.append(list(answer))
         return answers
 
