@@ -72,8 +72,8 @@ class VescMotors(MotorBackend):
         message_of = _MESSAGES[command.mode]
         return self._send([message_of(value) for value in command.values])
 
-    def neutral(self) -> None:
-        """Brake, also after `close`, when there is nothing left to send it to."""
+    def brake(self) -> None:
+        """Send the brake of neutral; after `close` there is nothing left to send it to."""
         self._close_lost()
         self._send([vesc.SetBrake(self._neutral_a)] * len(self._lines))
 
@@ -103,7 +103,7 @@ class VescMotors(MotorBackend):
         return {"unsent": self._unsent}
 
     def on_configure(self) -> None:
-        """Open all controllers, and brake; raise one error for those that are lost when all others are open."""
+        """Open all controllers, and put them at neutral; raise one error for those that are lost when all others are open."""
         errors = self._open_all()
         self.neutral()
         if errors:
