@@ -16,11 +16,12 @@
     controls  what the surface asks for, where there is a pilot (controls.py); odometry and vehicle come from the
               controllers that need them (odometry.py, controllers/sticks.py)
 
-With `--io emulated`, and always in a scenario that pulls plugs, each motor has an emulated VESC controller, driven and
-read by the bytes of a serial line. Its port is found by the controller's name; when a port is gone, all wheels brake
-until all controllers are found and the robot has commanded neutral, as it does while its pilot has disarmed it. A
-command older than a fifth of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
-down a slope. Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
+With `--io emulated` each motor has an emulated VESC controller, driven and read by the bytes of a serial line; with
+`--io pty` that is a serial port of this computer, in real time. A controller's port is found by its name; when a port
+is gone, all wheels go to neutral until all controllers are found and the robot has commanded neutral, as it does while
+its pilot has disarmed it. A command older than a fifth of a second, and none at all, is neutral too: no torque, and
+after a tenth of a second a brake of 4 A, since a rover that rolled freely would drive down a slope. Its numbers are in
+parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ from snr_sim.devices import (
     VescMotors,
     VescSensor,
 )
-from snr_sim.devices.emulated import VescPlant
+from snr_sim.devices.emulated import ControllerPlant, PtyPlant, VescPlant
 from snr_sim.errors import ParameterError
 from snr_sim.plants import Plant
 from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
@@ -103,9 +104,9 @@ def sim_motors(context: RobotContext) -> SimMotors:
 def motor_ports(context: RobotContext) -> MotorPorts:
     """Return the ports of the motors' controllers, as `wrap_plant` added them to the plant."""
     plant = context.plant
-    assert isinstance(plant, VescPlant)
+    assert isinstance(plant, ControllerPlant)
     found: MotorPorts = context.get_or_create(
-        "motor_ports", lambda: MotorPorts(PortWatch(plant.list_ports), plant.open_port, context.now_s)
+        "motor_ports", lambda: MotorPorts(PortWatch(plant.list_ports), plant.open_port, plant.now_s)
     )
     return found
 
@@ -130,18 +131,14 @@ def vesc_motors(context: RobotContext) -> VescMotors:
 
 
 def wrap_plant(context: RobotContext) -> Plant:
-    """Return the plant; with `--io emulated`, with an emulated controller at each motor."""
+    """Return the plant; with `--io emulated` and `--io pty`, with an emulated controller at each motor."""
     assert context.plant is not None
-    if device_row(context) != "emulated":
+    if context.io == "sim":
         return context.plant
     parameters: RoverParameters = context.robot.parameters
     names, replugs = motor_names(parameters), parameters.replugs
-    return VescPlant(context.plant, names, parameters.erpm_per_rpm, replugs=replugs, dialect="seed")
-
-
-def device_row(context: RobotContext) -> str:
-    """Return the row of the device table: a scenario that pulls plugs needs some."""
-    return "emulated" if context.robot.parameters.replugs else context.io
+    controllers = VescPlant if context.io == "emulated" else PtyPlant
+    return controllers(context.plant, names, parameters.erpm_per_rpm, replugs=replugs, dialect="seed")
 
 
 def motor_names(parameters: RoverParameters) -> list[str]:
@@ -163,6 +160,7 @@ def manual_input(context: RobotContext) -> ManualInput:
 DEVICES: dict[str, dict[str, Callable[..., Any]]] = {
     "sim": {"motor": sim_motor, "drive": sim_motors},
     "emulated": {"motor": vesc_motor, "drive": vesc_motors},
+    "pty": {"motor": vesc_motor, "drive": vesc_motors},
 }
 IO = tuple(DEVICES)
 
@@ -170,7 +168,7 @@ IO = tuple(DEVICES)
 def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Return the components of each role. Sensors are first and motors last, so a reading acts within its tick."""
     parameters: RoverParameters = context.robot.parameters
-    devices = DEVICES[device_row(context)]
+    devices = DEVICES[context.io]
     sensors = [
         SensorLoopFactory(name, partial(devices["motor"], context, name), parameters.motors_hz)
         for name in motor_names(parameters)

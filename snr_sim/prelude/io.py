@@ -3,6 +3,7 @@
 sim                 all in the simulated world
 loopback            outputs without hardware: the requested pulses are the applied ones
 emulated            emulated boards or motor controllers behind serial lines, in lock step with the simulated world
+pty                 the same motor controllers at serial ports of this computer, in a process of their own, in real time
 mcu:PORT            real outputs behind a microcontroller; the vehicle around them is simulated, in real time
 maestro:PORT        the same, behind a Pololu Maestro
 pca9685:BUS:ADDR    the same, behind a PCA9685 on I2C
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 from snr_sim.prelude.errors import UnknownNameError, suggest
 
 ENVIRONMENT = "SNR_SIM_IO"
-_KINDS = ("sim", "loopback", "emulated", "mcu", "maestro", "pca9685", "sysfs", "replay", "pi")
+_KINDS = ("sim", "loopback", "emulated", "pty", "mcu", "maestro", "pca9685", "sysfs", "replay", "pi")
 _ADDRESS_FORMATS = {"mcu": "PORT", "maestro": "PORT", "pca9685": "BUS:ADDR", "replay": "RUN"}
 UNSUPPORTED = {
     "gpiozero": (
@@ -46,6 +47,11 @@ class Io:
     def is_hardware(self) -> bool:
         """Whether any of the devices is real: then outputs move hardware, and time is real."""
         return self.kind in (*BENCH, "pi")
+
+    @property
+    def is_real_time(self) -> bool:
+        """Whether any of the devices has a clock of its own."""
+        return self.is_hardware or self.kind == "pty"
 
 
 _RENAMED = {"mirror": "loopback"}  # the old name goes with release 0.3

@@ -126,7 +126,9 @@ class _Driver:
             self.bench.advance(seconds)
             self.motors.neutral()
             for i, (mode, value) in enumerate(self.bench.does()):
-                require(mode != "brake" and value == 0.0, f"{when}, motor {i} does {mode} {value}, and must turn freely")
+                require(
+                    mode != "brake" and value == 0.0, f"{when}, motor {i} does {mode} {value}, and must turn freely"
+                )
         self.bench.advance(2.0 * _LATE_S)
         self.motors.neutral()
         self.check_brakes(f"{RELEASE_S + _LATE_S:g} s later, {when}")

@@ -21,14 +21,13 @@ from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pwm.pwm_supervisor import OutputSupervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.wire.lease_messages import (
+    CODEC,
     ArmOutputs,
     DisarmOutputs,
     LeaseStatus,
     Message,
     OpenOutputs,
     SupervisorPort,
-    decode,
-    encode,
 )
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
@@ -53,7 +52,7 @@ class Line:
     def write(self, order: Message) -> None:
         self._check()
         if not self.is_silent:
-            self._answers.append(self.supervisor.execute(decode(encode(order))))
+            self._answers.append(self.supervisor.execute(CODEC.decode(CODEC.encode(order))))
 
     def read(self) -> list[LeaseStatus]:
         self._check()
@@ -214,7 +213,7 @@ def test_supervised_pwm_dead_supervisor_is_neutral_until_rearmed(bench: Bench) -
 @pytest.mark.parametrize("data", [b"abc", b'{"type":"Arx"}'])
 def test_decode_invalid_bytes_raises_device_error(data: bytes) -> None:
     with pytest.raises(DeviceError, match="is not a supervisor message"):
-        decode(data)
+        CODEC.decode(data)
 
 
 def write_indefinitely(port: SupervisorPort) -> None:
@@ -240,7 +239,7 @@ def test_supervisor_order_before_open_returns_error_with_fix() -> None:
     answer = OutputSupervisor(lambda: 0.0).execute(ArmOutputs())
     assert (answer.state, answer.reason) == ("error", "These outputs are not open.")
     with pytest.raises(DeviceError, match="at most 8192"):
-        encode(OpenOutputs("x:y", ["z" * 9000]))
+        CODEC.encode(OpenOutputs("x:y", ["z" * 9000]))
 
 
 # From here on with real processes.

@@ -16,11 +16,11 @@ from snr_sim.devices.commands import check_finite
 from snr_sim.devices.motors.handshake import SAME_S
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import CommandError, DeviceError, suggest
-from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.ground_signals import DriveCommand, DriveMode
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.plant import Plant
 
-OFF = "off"
+OFF: DriveMode = "off"
 RELEASE_S = 0.1  # without current, until a driven wheel brakes: the reversal of torque spares its gears [O]
 TIMEOUT_S = LEASE_S + 0.05  # controllers brake by themselves after it, if nobody has put them at neutral by then
 

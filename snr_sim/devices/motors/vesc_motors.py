@@ -103,7 +103,7 @@ class VescMotors(MotorBackend):
         return {"unsent": self._unsent}
 
     def on_configure(self) -> None:
-        """Open all controllers, and put them at neutral; raise one error for those that are lost when all others are open."""
+        """Open all controllers, at neutral; raise one error for those that are lost when all others are open."""
         errors = self._open_all()
         self.neutral()
         if errors:

@@ -191,7 +191,7 @@ def run(line: Connection) -> int:
     try:
         while not supervisor.has_closed:
             if line.poll(supervisor.poll()):
-                line.send_bytes(wire.encode(supervisor.execute(wire.receive(line))))
+                line.send_bytes(wire.CODEC.encode(supervisor.execute(wire.CODEC.receive(line))))
     except DeviceError as error:
         reason = error.message
     except (EOFError, OSError):
