@@ -17,7 +17,8 @@
               controllers that need them (odometry.py, controllers/sticks.py)
 
 With `--io emulated` each motor has an emulated VESC controller, driven and read by the bytes of a serial line; with
-`--io pty` that is a serial port of this computer, in real time. A controller's port is found by its name; when a port
+`--io pty` that is a serial port of this computer, in real time, and the port's owner is a process that puts the wheels
+at neutral when this program ends or hangs. A controller's port is found by its name; when a port
 is gone, all wheels go to neutral until all controllers are found and the robot has commanded neutral, as it does while
 its pilot has disarmed it. A command older than a fifth of a second, and none at all, is neutral too: no torque, and
 after a tenth of a second a brake of 4 A, since a rover that rolled freely would drive down a slope. Its numbers are in
@@ -31,7 +32,11 @@ from functools import partial
 from typing import Any
 
 from snr_sim.devices import (
+    ControllerSettings,
     GamepadLoopFactory,
+    GuardedMotors,
+    GuardedSensor,
+    GuardLine,
     MotorLoopFactory,
     MotorPorts,
     PortWatch,
@@ -130,6 +135,29 @@ def vesc_motors(context: RobotContext) -> VescMotors:
     return VescMotors(lines, parameters.motor_limits, parameters.neutral_a, poll=motor_ports(context).poll)
 
 
+def motor_guard(context: RobotContext) -> GuardLine:
+    """Return the guard of the motors' controllers, a process that owns their ports."""
+    parameters, plant = context.robot.parameters, context.plant
+    assert isinstance(plant, PtyPlant)
+    settings = ControllerSettings(
+        motor_names(parameters), parameters.erpm_per_rpm, parameters.motor_limits, parameters.neutral_a, "seed"
+    )
+    guard: GuardLine = context.get_or_create(
+        "motor_guard", lambda: GuardLine.of_links(context.now_s, settings, plant.folder)
+    )
+    return guard
+
+
+def guarded_motor(context: RobotContext, name: str) -> GuardedSensor:
+    """Open what reads a motor by its guard."""
+    return GuardedSensor(motor_guard(context), name)
+
+
+def guarded_motors(context: RobotContext) -> GuardedMotors:
+    """Open the motors behind their guard."""
+    return GuardedMotors(motor_guard(context))
+
+
 def wrap_plant(context: RobotContext) -> Plant:
     """Return the plant; with `--io emulated` and `--io pty`, with an emulated controller at each motor."""
     assert context.plant is not None
@@ -160,7 +188,7 @@ def manual_input(context: RobotContext) -> ManualInput:
 DEVICES: dict[str, dict[str, Callable[..., Any]]] = {
     "sim": {"motor": sim_motor, "drive": sim_motors},
     "emulated": {"motor": vesc_motor, "drive": vesc_motors},
-    "pty": {"motor": vesc_motor, "drive": vesc_motors},
+    "pty": {"motor": guarded_motor, "drive": guarded_motors},
 }
 IO = tuple(DEVICES)
 

@@ -2,7 +2,7 @@
 
 Motors are an `Actuator` of `DriveCommand`, with these rules in addition. No interface of their own is needed: a command
 holds the end of its lease, each wheel's reading has a sensor, and `neutral` and `deactivate` stop. Neutral of a wheel
-that was driven is no torque at once, and after `RELEASE_S` a brake.
+that was driven takes away its torque at once, and brakes after `RELEASE_S`.
 
 A backend of your own needs a bench for it, a class with the members of `MotorBench`, and one test:
 
@@ -24,7 +24,7 @@ from snr_sim.prelude.ground_signals import DriveCommand, DriveMode
 from snr_sim.prelude.interfaces import implements
 from snr_sim.testing.contracts import require
 
-SILENCE_S = LEASE_S + 0.1  # until a wheel without commands brakes: controllers have a timeout of their own
+SILENCE_S = LEASE_S + RELEASE_S  # until a wheel without commands brakes: controllers have a timeout of their own
 _MODES: tuple[DriveMode, ...] = ("speed", "current", "duty", "brake")
 _LATE_S = 0.02  # of a motor's controller, and of the bench's steps
 _OF_A_VALUE = 0.01  # controllers receive whole numbers of small units
@@ -119,6 +119,11 @@ class _Driver:
         for i, (mode, value) in enumerate(self.bench.does()):
             is_so = (mode == "brake" and value > 0.0) != (i in but)
             require(is_so, f"{when}, motor {i} does {mode} {value}")
+
+    def check_idles(self, when: str) -> None:
+        """Check that no motor pushes."""
+        for i, (mode, value) in enumerate(self.bench.does()):
+            require(mode == "brake" or value == 0.0, f"{when}, motor {i} does {mode} {value}")
 
     def check_releases(self, when: str) -> None:
         """Check that motors turn freely, until they brake after `RELEASE_S`, in which `neutral` is called again."""
@@ -254,7 +259,9 @@ def _silence(driver: _Driver) -> None:
         bench.advance(LEASE_S - 0.05)
         driver.check_does(driver.fast, f"{LEASE_S - 0.05:g} s after a command")
         bench.advance(SILENCE_S - LEASE_S + 0.05)
-        driver.check_brakes(f"{SILENCE_S:g} s after the last command")
+        driver.check_idles(f"{SILENCE_S:g} s after the last command")
+        bench.advance(2.0 * _LATE_S)
+        driver.check_brakes(f"{SILENCE_S + 2.0 * _LATE_S:g} s after the last command")
         driver.check_state("active", "after a silence")
         driver.check_follows(driver.fast, "after a silence")
         motors.deactivate("checked")

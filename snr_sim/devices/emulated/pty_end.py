@@ -57,7 +57,7 @@ class PtyEnd:
 
 
 def until_ended() -> Callable[[], bool]:
-    """Return what tells whether to go on: until SIGTERM or SIGINT arrives, or the parent process ends."""
+    """Return a function that is true until SIGTERM or SIGINT arrives, or the parent process ends."""
     parent, is_ended = os.getppid(), False
 
     def end(_number: int, _frame: FrameType | None) -> None:

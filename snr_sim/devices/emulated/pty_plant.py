@@ -15,11 +15,10 @@ from snr_sim.devices.emulated.rover_bench import (
     OpenBench,
     Plug,
     Readings,
-    list_links,
 )
 from snr_sim.devices.emulated.vesc_plant import ControllerPlant
 from snr_sim.devices.wire.process_port import ProcessPort
-from snr_sim.devices.wire.serial_port import PortInfo, SerialPort
+from snr_sim.devices.wire.serial_port import PortInfo, SerialPort, list_links
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
 

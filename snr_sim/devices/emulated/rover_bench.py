@@ -29,7 +29,7 @@ from snr_sim.devices.emulated.emulated_vesc import DrivenMotor, make_controller
 from snr_sim.devices.emulated.pty_end import PtyEnd, until_ended
 from snr_sim.devices.emulated.vesc_plant import TICK_S
 from snr_sim.devices.wire.process_port import MessageCodec
-from snr_sim.devices.wire.serial_port import PortInfo
+from snr_sim.devices.wire.serial_port import list_links
 from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveMode, MotorReading
@@ -114,11 +114,6 @@ class RoverBench:
         """Remove all ports."""
         for motor in list(self._ends):
             self.unplug(motor)
-
-
-def list_links(folder: Path) -> list[PortInfo]:
-    """Return the ports of a bench; the names of their links are those of the sockets."""
-    return [PortInfo(str(link), usb_path=link.name) for link in sorted(folder.iterdir())]
 
 
 class FreeMotor:

@@ -22,7 +22,7 @@ from snr_sim.prelude.plant import Plant
 
 OFF: DriveMode = "off"
 RELEASE_S = 0.1  # without current, until a driven wheel brakes: the reversal of torque spares its gears [O]
-TIMEOUT_S = LEASE_S + 0.05  # controllers brake by themselves after it, if nobody has put them at neutral by then
+TIMEOUT_S = LEASE_S + 0.05  # controllers brake by themselves after it, if they have received nothing newer
 
 
 class MotorBackend(LifeCycle):

@@ -61,6 +61,11 @@ class VescLine:
         self._users: set[int] = set()
         self._lock = threading.RLock()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether its port is open."""
+        return self._port is not None
+
     def open(self, user: object) -> None:
         """Open the port and ask for the firmware, if not done yet, for a device that needs it.
 

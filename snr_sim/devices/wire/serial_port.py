@@ -160,6 +160,11 @@ def list_ports() -> list[PortInfo]:
     )
 
 
+def list_links(folder: Path) -> list[PortInfo]:
+    """Return the ports to which a folder has links; the names of the links are those of the sockets."""
+    return [PortInfo(str(link), usb_path=link.name) for link in sorted(folder.iterdir())]
+
+
 def _pyserial() -> Any:
     try:
         return importlib.import_module("serial")

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from snr_sim.devices.emulated.pty_plant import PtyPlant
-from snr_sim.devices.emulated.rover_bench import FreeMotor, list_links
+from snr_sim.devices.emulated.rover_bench import FreeMotor
 from snr_sim.devices.motors.motor_ports import MotorPorts
 from snr_sim.devices.motors.port_watch import PortWatch
 from snr_sim.devices.motors.vesc_line import VescLine
 from snr_sim.devices.motors.vesc_motors import VescMotors, VescSensor
-from snr_sim.devices.wire.serial_port import SerialPort
+from snr_sim.devices.wire.serial_port import SerialPort, list_links
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveCommand, MotorReading
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
