@@ -29,7 +29,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from snr_sim.devices import (
     ControllerSettings,
@@ -48,6 +51,7 @@ from snr_sim.devices import (
     VescLine,
     VescMotors,
     VescSensor,
+    read_ports,
 )
 from snr_sim.devices.emulated import ControllerPlant, PtyPlant, VescPlant
 from snr_sim.errors import ParameterError
@@ -67,6 +71,7 @@ OPTIONS = {
     "host": "where the rover listens, when roles run by themselves: 127.0.0.1",
     "port": "and its port there, the same at both ends: 9130",
     "secret": "file with a text that both ends have, so that others cannot steer (or the variable SNR_SECRET holds it)",
+    "unproven": "yes: with --io ports:FILE also motors whose controllers' timeouts were never measured are armed",
     "allow": "addresses of surface computers that the rover takes without a secret, with commas between",
 }
 TO_TOPSIDE = ("vehicle", "odometry", "power", RECORDING_KEY)
@@ -137,15 +142,22 @@ def vesc_motors(context: RobotContext) -> VescMotors:
 
 def motor_guard(context: RobotContext) -> GuardLine:
     """Return the guard of the motors' controllers, a process that owns their ports."""
-    parameters, plant = context.robot.parameters, context.plant
-    assert isinstance(plant, PtyPlant)
+    plant, settings = context.plant, controller_settings(context)
+    folder = plant.folder if isinstance(plant, PtyPlant) else Path(read_ports(Path(context.address)).links)
+    guard: GuardLine = context.get_or_create("motor_guard", lambda: GuardLine.of_links(context.now_s, settings, folder))
+    return guard
+
+
+def controller_settings(context: RobotContext) -> ControllerSettings:
+    """Return what is known of the motors' controllers; with `--io ports:FILE` the file names them."""
+    parameters: RoverParameters = context.robot.parameters
     settings = ControllerSettings(
         motor_names(parameters), parameters.erpm_per_rpm, parameters.motor_limits, parameters.neutral_a, "seed"
     )
-    guard: GuardLine = context.get_or_create(
-        "motor_guard", lambda: GuardLine.of_links(context.now_s, settings, plant.folder)
-    )
-    return guard
+    if context.io != "ports":
+        return settings
+    ports, is_unproven = read_ports(Path(context.address)), context.robot.options.get("unproven") == "yes"
+    return replace(settings, chips=ports.vesc, timeouts_s=None if is_unproven else ports.timeout_s)
 
 
 def guarded_motor(context: RobotContext, name: str) -> GuardedSensor:
@@ -154,14 +166,14 @@ def guarded_motor(context: RobotContext, name: str) -> GuardedSensor:
 
 
 def guarded_motors(context: RobotContext) -> GuardedMotors:
-    """Open the motors behind their guard."""
-    return GuardedMotors(motor_guard(context))
+    """Open the motors behind their guard; the simulated ones do the same as real ones."""
+    return GuardedMotors(motor_guard(context), context.plant if context.io == "ports" else None)
 
 
 def wrap_plant(context: RobotContext) -> Plant:
     """Return the plant; with `--io emulated` and `--io pty`, with an emulated controller at each motor."""
     assert context.plant is not None
-    if context.io == "sim":
+    if context.io in ("sim", "ports"):
         return context.plant
     parameters: RoverParameters = context.robot.parameters
     names, replugs = motor_names(parameters), parameters.replugs
@@ -189,6 +201,7 @@ DEVICES: dict[str, dict[str, Callable[..., Any]]] = {
     "sim": {"motor": sim_motor, "drive": sim_motors},
     "emulated": {"motor": vesc_motor, "drive": vesc_motors},
     "pty": {"motor": guarded_motor, "drive": guarded_motors},
+    "ports": {"motor": guarded_motor, "drive": guarded_motors},
 }
 IO = tuple(DEVICES)
 
@@ -197,6 +210,8 @@ def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, lis
     """Return the components of each role. Sensors are first and motors last, so a reading acts within its tick."""
     parameters: RoverParameters = context.robot.parameters
     devices = DEVICES[context.io]
+    if "unproven" in context.robot.options and context.io != "ports":
+        raise ParameterError("--option unproven=... is for real controllers.", fix="leave it out, or --io ports:FILE.")
     sensors = [
         SensorLoopFactory(name, partial(devices["motor"], context, name), parameters.motors_hz)
         for name in motor_names(parameters)
@@ -231,7 +246,7 @@ def _surface(context: RobotContext, parameters: RoverParameters) -> list[Factory
 
 
 def _check_no_options(context: RobotContext) -> None:
-    for name in sorted(context.robot.options.keys() & OPTIONS.keys()):
+    for name in sorted((context.robot.options.keys() & OPTIONS.keys()) - {"unproven"}):
         raise ParameterError(
             f"--option {name}=... has no effect: there is no pilot in {context.robot.scenario}.",
             fix="leave it out, or run rover_teleop.",

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from snr_sim.devices.motors.motor_loop import MotorLoopFactory as MotorLoopFactory
     from snr_sim.devices.motors.motor_ports import MotorPorts as MotorPorts
     from snr_sim.devices.motors.port_watch import PortWatch as PortWatch
+    from snr_sim.devices.motors.ports_file import read_ports as read_ports
     from snr_sim.devices.motors.vesc_line import VescLine as VescLine
     from snr_sim.devices.motors.vesc_motors import VescMotors as VescMotors
     from snr_sim.devices.motors.vesc_motors import VescSensor as VescSensor

@@ -8,6 +8,7 @@ mcu:PORT            real outputs behind a microcontroller; the vehicle around th
 maestro:PORT        the same, behind a Pololu Maestro
 pca9685:BUS:ADDR    the same, behind a PCA9685 on I2C
 sysfs               the same, at the PWM pins of a Raspberry Pi
+ports:FILE          motor controllers at real serial ports; the vehicle around them is simulated, in real time
 replay:RUN          sensors return the readings of a recorded run; outputs as with loopback
 pi                  all real: the robot's own table of ports, in its robot.py
 """
@@ -19,8 +20,8 @@ from dataclasses import dataclass
 from snr_sim.prelude.errors import UnknownNameError, suggest
 
 ENVIRONMENT = "SNR_SIM_IO"
-_KINDS = ("sim", "loopback", "emulated", "pty", "mcu", "maestro", "pca9685", "sysfs", "replay", "pi")
-_ADDRESS_FORMATS = {"mcu": "PORT", "maestro": "PORT", "pca9685": "BUS:ADDR", "replay": "RUN"}
+_KINDS = ("sim", "loopback", "emulated", "pty", "mcu", "maestro", "pca9685", "sysfs", "ports", "replay", "pi")
+_ADDRESS_FORMATS = {"mcu": "PORT", "maestro": "PORT", "pca9685": "BUS:ADDR", "ports": "FILE", "replay": "RUN"}
 UNSUPPORTED = {
     "gpiozero": (
         "gpiozero's servos are not for speed controllers: on a Raspberry Pi (lgpio) they have steps of 200 us at "
@@ -30,7 +31,7 @@ UNSUPPORTED = {
 }
 BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated, in real time
 ON_SERIAL_PORTS = ("mcu", "maestro")
-_EXAMPLES = {"PORT": "/dev/ttyUSB0", "BUS:ADDR": "1:0x40", "RUN": "runs/urov_depth_hold-0-..."}
+_EXAMPLES = {"PORT": "/dev/ttyUSB0", "BUS:ADDR": "1:0x40", "RUN": "runs/urov_depth_hold-0-...", "FILE": "ports.toml"}
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Io:
     @property
     def is_hardware(self) -> bool:
         """Whether any of the devices is real: then outputs move hardware, and time is real."""
-        return self.kind in (*BENCH, "pi")
+        return self.kind in (*BENCH, "ports", "pi")
 
     @property
     def is_real_time(self) -> bool:

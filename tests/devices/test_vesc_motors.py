@@ -295,6 +295,22 @@ def test_controller_that_must_be_closed_stops_all_with_the_reason() -> None:
     assert bench.do("motor_LF") == ("brake", NEUTRAL_BRAKE_A)
 
 
+def test_motors_are_not_armed_before_the_timeouts_of_their_controllers_are_measured() -> None:
+    bench = Bench()
+    chips: dict[str, float] = {}
+    motors = bench.motors(timeouts_s=chips)
+    motors.configure()
+    for line in motors._lines:
+        with pytest.raises(DeviceError, match=rf"{line.title} \(chip {line.chip}\) was never(.|\n)*unproven=yes"):
+            motors.activate()
+        assert motors.write(DriveCommand("speed", [2.0, 2.0])).values == []
+        assert bench.do("motor_LF")[0] == "brake"
+        chips[line.chip] = 0.25
+        motors.configure()
+    motors.activate()
+    assert motors.health().state == "active"
+
+
 def test_command_that_is_valid_no_longer_is_neutral() -> None:
     bench = Bench()
     motors = started(bench.motors())

@@ -35,7 +35,7 @@ from snr_sim.prelude.device import Stale
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveMode, MotorReading
 
 TARGET = "snr_sim.devices.emulated.rover_bench:run"
-_SUPPLY_V, _TOP_RADPS, _RADPS2_PER_A, _SPEED_GAIN_A = 24.0, 20.0, 5.0, 2.0  # of motors without a load [O]
+_SUPPLY_V, _TOP_RADPS, _RADPS2_PER_A, _SPEED_GAIN_A = 24.0, 20.0, 5.0, 6.0  # of motors without a load [O]
 
 
 class OpenBench(msgspec.Struct, frozen=True, tag=True):

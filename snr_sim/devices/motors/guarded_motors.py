@@ -20,6 +20,7 @@ from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
 from snr_sim.prelude.life_cycle import LifeCycleSensor
+from snr_sim.prelude.plant import Plant
 
 
 class GuardLine:
@@ -71,16 +72,24 @@ class GuardLine:
 
 
 class GuardedMotors(MotorBackend):
-    """The motors."""
+    """The motors.
+
+    Args:
+        guard: of their controllers.
+        plant: if given, gets all commands too: the vehicle around real motors on a bench.
+    """
 
     title = "The guarded motors"
 
-    def __init__(self, guard: GuardLine) -> None:
+    def __init__(self, guard: GuardLine, plant: Plant | None = None) -> None:
+        self._plant = plant
         super().__init__(guard.now_s, len(guard.settings.names), guard.settings.limits)
         self._guard = guard
 
     def put(self, command: DriveCommand, until_s: float) -> bool:
         """Send the guard a command; return False if that has failed, or a controller is lost."""
+        if self._plant is not None:
+            self._plant.write("drive", msgspec.structs.replace(command, until_s=until_s))
         try:
             self._guard.client.lease([command.mode, command.values], 0.0, until_s - self._now_s())
         except DeviceError as error:

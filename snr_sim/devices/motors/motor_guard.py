@@ -23,7 +23,7 @@ import msgspec
 from snr_sim.devices.motors.motor_backend import RELEASE_S, MotorBackend
 from snr_sim.devices.motors.motor_ports import MotorPorts
 from snr_sim.devices.motors.port_watch import PortWatch
-from snr_sim.devices.motors.vesc_line import VescLine
+from snr_sim.devices.motors.vesc_line import ANSWER_S, VescLine
 from snr_sim.devices.motors.vesc_motors import VescMotors, VescSensor
 from snr_sim.devices.output_supervisor import OutputSupervisor, serve
 from snr_sim.devices.wire import lease_messages as wire
@@ -53,6 +53,8 @@ class ControllerSettings(msgspec.Struct, frozen=True):
         limits: see `MotorBackend`.
         neutral_a: current of the brake.
         dialect: of the controllers.
+        chips: see `Handshake`.
+        timeouts_s: see `VescMotors`.
     """
 
     names: list[str]
@@ -60,6 +62,8 @@ class ControllerSettings(msgspec.Struct, frozen=True):
     limits: dict[str, float]
     neutral_a: float
     dialect: Dialect
+    chips: dict[str, str] = {}
+    timeouts_s: dict[str, float] | None = None
 
 
 class MotorGuard(OutputSupervisor[MotorBackend]):
@@ -76,6 +80,13 @@ class MotorGuard(OutputSupervisor[MotorBackend]):
         """Take the motors, and what reads them."""
         self._sensors = [(line, VescSensor(line)) for line in opened.lines]
         return opened.motors
+
+    def on_open(self, out: MotorBackend) -> None:
+        """Ask for the first readings, and wait for each."""
+        for line, sensor in self._sensors:
+            _state_of(line, sensor)
+            line.wait(ANSWER_S)
+        self._read_s = -math.inf
 
     def follow(self, out: MotorBackend, lease: wire.Lease) -> tuple[list[Any], list[str]]:
         """Send the setpoints."""
@@ -128,7 +139,8 @@ def _state_of(line: VescLine, sensor: VescSensor) -> wire.SupervisedReading:
 def open_links(folder: str, settings: dict[str, Any]) -> GuardedPorts:
     """Open the controllers of the ports to which a folder has links, by their names, in the guard's process."""
     known = msgspec.convert(settings, ControllerSettings)
-    return open_ports(known, MotorPorts(PortWatch(partial(list_links, Path(folder))), SerialPort, time.monotonic))
+    watch = PortWatch(partial(list_links, Path(folder)))
+    return open_ports(known, MotorPorts(watch, SerialPort, time.monotonic, known.chips))
 
 
 def open_ports(
@@ -138,7 +150,7 @@ def open_ports(
     lines = [
         VescLine(name, partial(ports.open_port, name), now_s, known.erpm_per_rpm, known.dialect) for name in known.names
     ]
-    motors = VescMotors(lines, known.limits, known.neutral_a, poll=ports.poll)
+    motors = VescMotors(lines, known.limits, known.neutral_a, poll=ports.poll, timeouts_s=known.timeouts_s)
     return GuardedPorts(motors, lines)
 
 

@@ -39,6 +39,7 @@ class VescMotors(MotorBackend):
             `configure` has found all of them and `activate` was called. "continue": the others are driven; the lost
             one is opened again by a command for neutral.
         poll: returns the names of controllers whose ports must be closed, and why: see `MotorPorts.poll`.
+        timeouts_s: measured timeouts by chip number; motors whose controller has none are not armed. None: all are.
     """
 
     title = "The motors' controllers"
@@ -50,10 +51,12 @@ class VescMotors(MotorBackend):
         neutral_a: float,
         on_lost_wheel: Literal["neutral", "continue"] = "neutral",
         poll: Callable[[], Mapping[str, str]] = dict,
+        timeouts_s: Mapping[str, float] | None = None,
     ) -> None:
         super().__init__(lines[0].now_s, len(lines), limits)
         self._lines, self._neutral_a = tuple(lines), neutral_a
         self._stops_all, self._poll = on_lost_wheel == "neutral", poll
+        self._timeouts_s = timeouts_s
         self._unsent = 0
         self._opened_s = -math.inf
 
@@ -110,8 +113,18 @@ class VescMotors(MotorBackend):
             raise DeviceError(" ".join(error.message for error in errors), fix=errors[0].fix) from errors[0]
 
     def on_activate(self) -> None:
-        """Open those that were lost since; one that is still lost counts as one that is lost now."""
+        """Open those that were lost since; one that is still lost counts as one that is lost now.
+
+        Raises:
+            DeviceError: the timeout of a controller has not been measured.
+        """
         self._open_all()
+        for line in self._lines:
+            if self._timeouts_s is not None and line.is_open and line.chip not in self._timeouts_s:
+                raise DeviceError(
+                    f"{line.title} (chip {line.chip}) was never seen to stop its motor without commands.",
+                    fix="snr io --io ports:FILE --check-timeout; or --option unproven=yes, with the wheels in the air.",
+                )
 
     def _open_all(self) -> list[DeviceError]:
         errors: list[DeviceError] = []
