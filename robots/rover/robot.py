@@ -53,7 +53,7 @@ from snr_sim.devices import (
     VescSensor,
     read_ports,
 )
-from snr_sim.devices.emulated import ControllerPlant, PtyPlant, VescPlant
+from snr_sim.devices.emulated import PtyPlant, VescPlant
 from snr_sim.errors import ParameterError
 from snr_sim.plants import Plant
 from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
@@ -114,9 +114,9 @@ def sim_motors(context: RobotContext) -> SimMotors:
 def motor_ports(context: RobotContext) -> MotorPorts:
     """Return the ports of the motors' controllers, as `wrap_plant` added them to the plant."""
     plant = context.plant
-    assert isinstance(plant, ControllerPlant)
+    assert isinstance(plant, VescPlant)
     found: MotorPorts = context.get_or_create(
-        "motor_ports", lambda: MotorPorts(PortWatch(plant.list_ports), plant.open_port, plant.now_s)
+        "motor_ports", lambda: MotorPorts(PortWatch(plant.list_ports), plant.open_port, context.now_s)
     )
     return found
 

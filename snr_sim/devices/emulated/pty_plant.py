@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-import time
 import weakref
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from snr_sim.devices.emulated.rover_bench import (
 )
 from snr_sim.devices.emulated.vesc_plant import ControllerPlant
 from snr_sim.devices.wire.process_port import ProcessPort
-from snr_sim.devices.wire.serial_port import PortInfo, SerialPort, list_links
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import DriveCommand, MotorReading
 
@@ -46,18 +44,6 @@ class PtyPlant(ControllerPlant):
         """Reset the plant, and power up new controllers."""
         self._end()
         super().reset(seed)
-
-    def now_s(self) -> float:
-        """Return the time of the wall clock."""
-        return time.monotonic()
-
-    def list_ports(self) -> list[PortInfo]:
-        """Return the ports that are plugged in now."""
-        return list_links(self.folder)
-
-    def open_port(self, path: str) -> SerialPort:
-        """Return a port by its device file; raise a DeviceError if there is none."""
-        return SerialPort(path)
 
     def unplug(self, motor: str) -> None:
         """Pull the plug of a motor's controller."""

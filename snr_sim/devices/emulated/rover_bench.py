@@ -149,9 +149,9 @@ class FreeMotor:
             aim_radps = {"speed": self._value, "duty": self._value * _TOP_RADPS}.get(self._mode, 0.0)
             limit_a = abs(self._value) if self._mode == "brake" else _TOP_RADPS
             self._current_a = min(limit_a, max(-limit_a, _SPEED_GAIN_A * (aim_radps - rate_radps)))
-        top = min(_TOP_RADPS, max(-_TOP_RADPS, rate_radps + self._current_a * _RADPS2_PER_A * min(step_s, 0.05)))
-        self._rate_radps = top
-        self._turned_rad += top * step_s
+        rate_radps += self._current_a * _RADPS2_PER_A * min(step_s, 0.05)
+        self._rate_radps = min(_TOP_RADPS, max(-_TOP_RADPS, rate_radps))
+        self._turned_rad += self._rate_radps * step_s
 
 
 class _PipedMotor:

@@ -8,13 +8,14 @@ Their ports are those of a bus whose plugs can be pulled, and put into other soc
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from typing import NamedTuple
 
 from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc, ScriptedFault, make_controller
 from snr_sim.devices.emulated.wrapped_plant import WrappedPlant
-from snr_sim.devices.wire.serial_port import BytePort, PortInfo
+from snr_sim.devices.wire.serial_port import PortInfo
 from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
@@ -81,7 +82,7 @@ class Replug(NamedTuple):
     socket: str  # the motor that was plugged in there at the start
 
 
-class ControllerPlant(WrappedPlant):
+class ControllerPlant(WrappedPlant, ABC):
     """A plant and the controllers of its motors, with plugs that are pulled and put back.
 
     Args:
@@ -140,29 +141,17 @@ class ControllerPlant(WrappedPlant):
             self.tick()
         self.plant.step(dt_s)
 
-    def now_s(self) -> float:
-        """Return the time of the ports' clock."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method now_s(self)")
-
-    def list_ports(self) -> list[PortInfo]:
-        """Return the ports that are plugged in now."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method list_ports(self)")
-
-    def open_port(self, path: str) -> BytePort:
-        """Return a port by its device file; raise a DeviceError if there is none."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method open_port(self, path)")
-
+    @abstractmethod
     def unplug(self, motor: str) -> None:
         """Pull the plug of a motor's controller."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method unplug(self, motor)")
 
+    @abstractmethod
     def plug_in(self, motor: str, socket: str) -> None:
         """Put it into the socket that was that of another motor's controller at the start, or its own."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method plug_in(self, motor, socket)")
 
+    @abstractmethod
     def tick(self) -> None:
         """Let the controllers do what is due; called every `TICK_S`."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method tick(self)")
 
 
 class VescPlant(ControllerPlant):
@@ -199,10 +188,6 @@ class VescPlant(ControllerPlant):
         for name in self._motors:
             self.plug_in(name, name)
 
-    def now_s(self) -> float:
-        """Return the plant's time."""
-        return self.plant.time_s
-
     def list_ports(self) -> list[PortInfo]:
         """Return the ports that are plugged in now."""
         return list(self._plugged)
@@ -220,7 +205,7 @@ class VescPlant(ControllerPlant):
 
     def _connect(self, motor: str, path: str) -> VescPort:
         controller, plug = self._controllers[motor], self._plugs[motor]
-        port = VescPort(controller, self.now_s, path, lambda: self._plugs.get(motor) is not plug)
+        port = VescPort(controller, lambda: self.plant.time_s, path, lambda: self._plugs.get(motor) is not plug)
         self._ports[motor] = port
         return port
 

@@ -69,7 +69,7 @@ def test_rover_with_plugs_pulled_from_ports_is_armed_again_and_its_bench_ends() 
     simulation = prepare(Request("rover_unplug", engine="pymunk", io="pty"))
     plant = simulation.plant()
     assert isinstance(plant, PtyPlant)
-    result = SimulationRun(simulation, plant, simulation.config(plant), pace=1.0).run()
+    result = SimulationRun(simulation, plant, simulation.config(plant)).run()
     assert (result.error, result.outcome, result.success) == ("", "completed", True)
     states = [note for note in result.notes if note.startswith("Motors of 'drive'")]
     assert ["error" in states[0], "found again" in states[-2], "armed again" in states[-1]] == [True] * 3
