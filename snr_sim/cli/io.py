@@ -44,7 +44,9 @@ def io(
     seconds: Annotated[float, typer.Option(help="End by itself after so long.")] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="With --once: print one JSON object.")] = False,
 ) -> None:
-    """Show every channel and reading, or check motor controllers at real ports.
+    """Show every channel and reading.
+
+    With --identify or --check-timeout, turn motors at real ports instead, once you have confirmed it.
 
     The devices are opened as in a run, but the robot's program is not there: outputs stay neutral, and are armed only
     with --move.

@@ -80,10 +80,8 @@ class SupervisorClient:
             DeviceError: the supervisor has ended, hangs, or reports an error.
         """
         with self._lock:
-            self.receive()
+            self.check()
             now_s = self.monotonic_s()
-            if self._requested_by_seq and now_s > self.received_s + ANSWER_S:
-                raise self._silent(ANSWER_S)
             self._seq += 1
             # An old command has expired to neutral, and no newer state is possible.
             age_s, left_s = (age_s, age_s + lease_s) if lease_s > 0.0 else (0.0, LEASE_S)
@@ -93,6 +91,13 @@ class SupervisorClient:
             if self.status.state == "error":
                 raise DeviceError(self.status.reason, fix=self.status.fix)
             return self.status
+
+    def check(self) -> None:
+        """Raise a DeviceError if there is no supervisor, or it has ended, or hangs."""
+        with self._lock:
+            self.receive()
+            if self._requested_by_seq and self.monotonic_s() > self.received_s + ANSWER_S:
+                raise self._silent(ANSWER_S)
 
     def ask(self, period_s: float) -> wire.LeaseStatus:
         """Ask for the status if none has arrived for a while; return the newest. Errors as in `receive`."""

@@ -52,7 +52,7 @@ class GuardBench(PortsBench):
     def advance(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK_S)):
             self.plant.step(TICK_S)
-            if self.line is not None and not self.line.is_dead:
+            if self.line is not None and not (self.line.is_dead or self.line.is_silent):
                 self.line.supervisor.poll()
 
 
@@ -89,17 +89,29 @@ def test_guarded_sensors_read_their_motors_and_say_what_is_lost(bench: GuardBenc
         device.close()
 
 
-def test_killed_guard_is_reported_and_controllers_brake_until_another_is_armed(bench: GuardBench) -> None:
+@pytest.mark.parametrize(
+    ("how", "reason"),
+    [
+        ("is_dead", "The process 7 was killed by SIGKILL."),
+        ("is_silent", "The guard of the motors has not answered for 1 s."),
+    ],
+)
+def test_lost_guard_is_reported_and_motors_brake_until_another_is_armed(
+    bench: GuardBench, how: str, reason: str
+) -> None:
     motors, command = bench.open(), DriveCommand("speed", [1.0] * 6)
     motors.configure()
     motors.activate()
     motors.write(command)
     assert bench.line is not None
-    bench.line.is_dead = True
-    bench.advance(SAFE_S)
+    setattr(bench.line, how, True)
+    bench.advance(SAFE_S + 2 * TICK_S)
     assert {mode for mode, _ in bench.does()} == {"brake"}
+    for _ in range(60):
+        motors.write(command)
+        bench.advance(TICK_S * 2)
     assert motors.write(command).values == []
-    assert motors.health().reason == "The process 7 was killed by SIGKILL."
+    assert motors.health().reason == reason
     motors.configure()
     assert motors.write(command).values == []
     motors.activate()

@@ -59,8 +59,8 @@ class GuardLine:
         """Start the guard if there is none, and open all controllers; raise a DeviceError if one is lost."""
         self._users.add(id(user))
         try:
-            self.client.receive()
-        except DeviceError:  # it was not open, or has ended
+            self.client.check()
+        except DeviceError:  # it was not open, has ended, or hangs
             self.client.end()
         self.client.open(self._opener, self._args)
 
