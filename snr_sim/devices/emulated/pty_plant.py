@@ -39,6 +39,7 @@ class PtyPlant(ControllerPlant):
         self._bench.write(OpenBench(str(self.folder), list(self._motors), self._erpm_per_rpm, self._dialect))
         if not self._bench.wait(START_S):
             raise DeviceError("The emulated controllers have not started.", fix="is the computer overloaded?")
+        self.tick()  # controllers without readings do not answer
 
     def reset(self, seed: int) -> None:
         """Reset the plant, and power up new controllers."""

@@ -84,8 +84,8 @@ class MotorGuard(OutputSupervisor[MotorBackend]):
     def on_open(self, out: MotorBackend) -> None:
         """Ask for the first readings, and wait for each."""
         for line, sensor in self._sensors:
-            _state_of(line, sensor)
-            line.wait(ANSWER_S)
+            if _state_of(line, sensor).reading is None and line.is_open and line.values is None:
+                line.wait(ANSWER_S)
         self._read_s = -math.inf
 
     def follow(self, out: MotorBackend, lease: wire.Lease) -> tuple[list[Any], list[str]]:
