@@ -372,7 +372,9 @@ def parsers(traces: dict[str, bytes]) -> dict[str, Parser]:
             json_errors,
         ),
         "console_line": Parser(lambda data: parse_command(TABLE, data.decode(errors="replace")), lines),
-        "lease": Parser(lease_messages.decode, [lease_messages.encode(lease_messages.Lease(1, [1500.0], 1.0, 0.2))]),
+        "lease": Parser(
+            lease_messages.CODEC.decode, [lease_messages.CODEC.encode(lease_messages.Lease(1, [1500.0], 1.0, 0.2))]
+        ),
         "mcu": Parser(_frames, [b"".join(map(mcu_frames.encode, mcu))]),
         "mcu_bodies": Parser(_mcu_bodies, [b"\xfe\xfe".join(bodies)]),
         "nmea": Parser(_nmea, [b"".join(map(_sentence, nmea))]),

@@ -49,7 +49,7 @@ class RoverParameters:
     scan_hz: float = 0.0  # readings of the lidar; 0: there is none
     points_m: tuple[tuple[float, float], ...] = ()  # where to go: x ahead of the start, y to the left
     stands_s: float = 3.0  # at the start, while the bias of the gyroscope is measured
-    replugs: tuple[Replug, ...] = ()  # plugs of emulated controllers that are pulled and put back
+    replugs: tuple[Replug, ...] = ()  # plugs of controllers that are pulled and put back
     script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person; empty: there is no pilot
     command_hz: float = 20.0  # how often the surface sends controls [O]
     # Wi-Fi outdoors within a few hundred meters [O].

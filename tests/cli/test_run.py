@@ -187,7 +187,7 @@ WRONG = [
         "leave one of them out.",
     ),
     (("run", "urov_teleop", "--role", "topside", "--speed", "4"), "runs alone, in real time only", "--speed real"),
-    ((*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4"), "uses real devices, which run in real time only", "Try: "),
+    ((*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4"), "has devices that run in real time only", "Try: "),
     ((*RUN, "--io", "mcu:/dev/ttyNowhere"), "no serial port /dev/ttyNowhere", "Try: "),
     ((*RUN, "--io", "mcu"), "mcu:PORT", "Try: "),
     ((*RUN, "--io", "maestro:/dev/null,crc=perhaps"), "crc=yes or crc=no", "Try: "),
