@@ -7,9 +7,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Lines of Python: 2 % more than on 2026-11-27; the rover's packages as they are.
 MAX_LINES = {
-    "snr_sim": 86713,
+    "snr_sim": 87110,
     "snr_sim/behaviors": 8960,
-    "snr_sim/cli": 4250,
+    "snr_sim/cli": 4345,
     "snr_sim/console": 1920,
     "snr_sim/core": 8945,
     "snr_sim/devices": 9646,
@@ -18,12 +18,12 @@ MAX_LINES = {
     "snr_sim/links": 5420,
     "snr_sim/plants": 11061,
     "snr_sim/prelude": 2870,
-    "snr_sim/processes": 1250,
+    "snr_sim/processes": 1340,
     "snr_sim/recording": 4835,
     "snr_sim/scenario": 3905,
     "snr_sim/schemas": 130,
     "snr_sim/std_mods": 870,
-    "snr_sim/supervision": 1540,
+    "snr_sim/supervision": 1720,
     "snr_sim/teleop": 1015,
     "snr_sim/testing": 2804,
     "snr_sim/view": 3220,
@@ -31,7 +31,7 @@ MAX_LINES = {
     "robots": 5714,
     "scenarios": 2479,
     "assignments": 8828,
-    "tests": 96474,
+    "tests": 97300,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -22,6 +22,8 @@ from snr_sim.processes.state_manager import StateManager
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.supervision.health import Health
+from snr_sim.supervision.plan import Child, Supervisor
 
 HERE = Path(__file__).parent
 
@@ -337,6 +339,33 @@ def test_silent_process_is_reported_once_and_can_extend_its_time() -> None:
     assert [6.0 <= float(time_s) <= 8.1 for time_s, _ in found] == [True, True]
 
 
+def test_extended_time_survives_a_new_connection_with_the_one_before() -> None:
+    acts = {0.5: 20.0, 1.0: 30.0, 12.0: "PREVIOUS"}
+    extends = {time_s: lambda it, to=to: it.watchdog_extend(to) for time_s, to in acts.items()}
+    runner = simulate(script("A", extends), faults=LinkFaults(cut=((2.0, 8.0),)), until_s=14.0)
+    assert broker(runner).watch.deadlines["A"].timeout_s == 20.0
+
+
+def test_health_of_all_arrives_twice_a_second_in_lock_step() -> None:
+    runner = simulate(script("A", {}, "health"), script("B", {3.0: lambda it: it.watchdog_pet()}))
+    pages = [msgspec.convert(data, Health) for _, data in process(runner, "A").got]
+    assert 19 <= len(pages) <= 22
+    last = pages[-1]
+    assert [(part.name, part.state) for part in last.tree] == [
+        (name, "running") for name in ("root", "state_manager", "A", "B")
+    ]
+    ages_s = [part.pet_age_s for part in last.tree[1:]]
+    assert ages_s == [0.0, pytest.approx(9.5, abs=0.5), pytest.approx(6.5, abs=0.5)]
+    assert last.supervisor_pid is None
+
+
+def test_plan_without_a_process_is_rejected_with_its_name() -> None:
+    with pytest.raises(
+        ConfigError, match=r"(?s)do not have the same names: B, state_manager\..*Child\('state_manager'"
+    ):
+        ProcessRunner([script("A"), script("B")], plan=Supervisor("root", [Child("A")]))
+
+
 def test_watchdog_reset_begins_the_silence_of_all_again() -> None:
     runner = simulate(
         script("Silent", {}), script("Resets", {float(i): lambda it: it.watchdog_reset() for i in range(0, 20, 3)})
@@ -404,6 +433,7 @@ def test_own_init_is_rejected() -> None:
         ("wd_extend", "self.watchdog_extend('v')"),
         ("wd_reset", "self.watchdog_reset()"),
         ("wd_other", "another name: 'my_wd_other'"),
+        ("health", "another name: 'my_health'. The supervisor's page has this one"),
         ("$speed", "a key without the $: 'speed'"),
     ],
 )
