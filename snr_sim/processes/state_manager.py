@@ -1,8 +1,8 @@
 """StateManager: the broker, an endpoint that passes each message on to the processes that subscribe to its key.
 
 It also knows which process reports that its loop works. On the wall clock it sends one that has been silent a page, so
-that it fails, and is started again. In lock step nothing is started again: a silence is noted, and the page `health`, which the
-supervisor of real processes makes, is made here, by the virtual time.
+that it fails, and is started again. In lock step nothing is started again: a silence is noted, and the page `health`,
+which the supervisor of real processes makes, is made here, by the virtual time.
 
 Its node stores each page before it handles it, so the last value of each key is there. The link carries a message to
 the peers that the broker names, with a bounded queue for each: `peers` in page `link_processes` counts what waits and

@@ -51,6 +51,12 @@ def test_health_of_a_supervisor_that_has_gone_says_so_with_status_1(snr: Snr, he
     assert f"the supervisor, process {NO_PID}, does not run any more" in answer.err
 
 
+@pytest.mark.parametrize("port", ["0", "70000"])
+def test_health_of_a_port_out_of_range_is_status_2(snr: Snr, here: Path, port: str) -> None:
+    answer = snr("health", port)
+    assert (answer.status, f"'{port}' is not an address." in answer.err) == (2, True)
+
+
 def test_health_of_a_folder_without_the_file_is_status_2(snr: Snr, here: Path) -> None:
     answer = snr("health", here)
     assert answer.status == 2
