@@ -31,6 +31,9 @@ ROUND_S = 0.02  # maximum duration of a round; the remaining peers follow in the
 # Period at which pages are read for a node that still has tasks of the last ones to do.
 BUSY_READ_PERIOD_S = 0.1
 HOUSEKEEPING_PERIOD_S = 0.05  # time-outs, keep-alives, reports
+# While no stream comes or goes and the node is idle, so many times per keep-alive, but not more often than that: an
+# idle link then wakes 8 times a second, not 20.
+QUIET_CHECKS = 4
 BUSY_CHECK_PERIOD_S = 0.002  # period at which a busy node is checked: does it wait in its inbox, has it caught up?
 # Time limit for a closing link to send what waits and get its receipt confirmed. Shorter than that of joining a loop.
 LINGER_S = 0.3
@@ -60,6 +63,7 @@ class Streams(Transport):
         self.now_s: Callable[[], float] = link.parent.clock.now_s
         self._node = link.parent
         self._housekeep_s = 0.0
+        self._quiet_period_s = max(HOUSEKEEPING_PERIOD_S, config.keep_alive_s / QUIET_CHECKS)
         self._is_woken = False
         self._is_round_over = False
         self._is_slow = link.options.faults is not None  # then each frame is due at a time of its own
@@ -362,7 +366,8 @@ class Streams(Transport):
         self._pump_all()
         if now_s < self._housekeep_s:
             return
-        self._housekeep_s = now_s + HOUSEKEEPING_PERIOD_S
+        is_quiet = not (self.link.is_paused or self._is_node_busy or any(map(_is_changing, self.streams)))
+        self._housekeep_s = now_s + (self._quiet_period_s if is_quiet else HOUSEKEEPING_PERIOD_S)
         if self._is_woken:  # the wake-up may have come while the link restarted, and had no effect then
             self._is_woken = False
             self._poll()
@@ -374,6 +379,11 @@ class Streams(Transport):
             self._for(stream, lambda stream: stream.session.tick(now_s))
         self._pump_all()
         self.link.report(now_s)
+
+
+def _is_changing(stream: StreamPeer) -> bool:
+    """Whether a stream is not up yet, or no more."""
+    return not stream.is_admitted or stream.leaves_s is not None
 
 
 def drain_and_close(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) -> None:

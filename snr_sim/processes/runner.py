@@ -41,6 +41,7 @@ from snr_sim.supervision.plan import Child, Supervisor
 from snr_sim.supervision.supervised_runner import SupervisedRunner
 
 QUEUE_MESSAGES = 10_000
+KEEP_ALIVE_S = 1.0  # on one computer a process that ends is noticed at once, and one that hangs by its supervisor
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 
@@ -109,7 +110,12 @@ class ProcessRunner:
             secret: of the links; a simulation needs none.
         """
         pair = SocketsPair(
-            ("127.0.0.1", 0), name=LINK, secret=secret, queue_pages=self._queue_messages, faults=self._faults
+            ("127.0.0.1", 0),
+            name=LINK,
+            secret=secret,
+            queue_pages=self._queue_messages,
+            faults=self._faults,
+            keep_alive_s=KEEP_ALIVE_S,
         )
         broker = StateManager.factory(name=BROKER, plan=self._plan)
         roles: dict[RoleName, list[AnyFactory]] = {BROKER: [broker, ReportLoop.factory(name="reports"), pair.server()]}

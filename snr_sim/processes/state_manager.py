@@ -77,6 +77,9 @@ class StateManager(SeedNames, Endpoint):
     def begin(self) -> SomeTasks:
         """Expect all processes."""
         self._tree.begin(self.get_time_s())
+        link = self._link
+        if link is not None:
+            link.forwards = True
         return None
 
     def on_stored(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -86,22 +89,36 @@ class StateManager(SeedNames, Endpoint):
         if page.key == HEALTH:
             self._send(self.table.of(HEALTH), page)
             return None
-        name = page.origin.removesuffix("_node")
-        if name == self.name or name not in self._health.usages:
+        if page.origin == self.parent.name:
             return None
+        name = page.origin.removesuffix("_node")
+        subscribers: list[str] = []
+        if name in self._health.usages:
+            self._take(name, page)
+            subscribers = [f"{other}_node" for other in self.table.of(page.key) if other != name]
+        if self._link is not None:
+            self._link.forward(page, subscribers)
+        return None
+
+    def _take(self, name: str, page: Page) -> None:
+        """Do what a process asks for, or count its message."""
         if self._tree.process(name).life == "starting":  # its first page
             self._tree.petted(name, self.get_time_s())
         own: Any = self._own.get(page.key)
         if own is not None:
             own(name, page.data)
-            return None
-        self._published[page.key, name] += 1
-        self._send([other for other in self.table.of(page.key) if other != name], page)
-        return None
+        else:
+            self._published[page.key, name] += 1
+
+    @property
+    def _link(self) -> Link | None:
+        """The link to the processes; there is none in a replay."""
+        link = self.parent.components.get(LINK_PAGE)
+        return link if isinstance(link, Link) else None
 
     def _send(self, names: Collection[str], page: Page) -> None:
-        link = self.parent.components.get(LINK_PAGE)  # there is none in a replay
-        if names and isinstance(link, Link):
+        link = self._link
+        if names and link is not None:
             link.send(replace(page, process=True), [f"{name}_node" for name in names])
 
     def _set_subscriptions(self, name: str, data: dict[str, Any]) -> None:
