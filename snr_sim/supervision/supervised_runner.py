@@ -54,6 +54,7 @@ class SupervisedRunner:
 
     Raises:
         ConfigError: a child is not a role of the config, or has a link over a pipe, which cannot be opened again.
+        UnknownNameError: `health_to` is not supervised.
     """
 
     def __init__(
@@ -76,6 +77,8 @@ class SupervisedRunner:
                     f"Role '{name}' has a link over a pipe, which cannot be opened again after a restart.",
                     fix="SocketsPair(('127.0.0.1', 0)) in place of PipesPair().",
                 )
+        if health_to:
+            self._tree.process(health_to)
         self._folder = None if folder is None else Path(folder)
         self._health_to = health_to
         self._reports = HealthReports(self._tree)

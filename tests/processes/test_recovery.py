@@ -10,6 +10,7 @@ import pty
 import re
 import select
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -25,6 +26,7 @@ import pytest
 from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc
 from snr_sim.prelude.ground_signals import DriveMode
 from snr_sim.supervision.health import PartHealth, read_health
+from snr_sim.supervision.health_link import ask_health
 from snr_sim.supervision.plan import Backoff
 from tests.devices.emulated.test_emulated_vesc import BenchMotor
 from tests.processes.watched_rover import END_S, PARTS
@@ -88,14 +90,18 @@ class Rover:
         self._far, self._near = pty.openpty()
         tty.setraw(self._near)
         self._is_over = False
-        self.hang_s = 1.5 * slowness()
+        self.notified = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)  # as systemd's
+        self.notified.bind(str(folder / "notify"))
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.health_at: tuple[str, int] = free.getsockname()
+        words = (folder, os.ttyname(self._near), 1.5 * slowness(), self.health_at[1])
         self.process = subprocess.Popen(
-            [sys.executable, HERE / "watched_rover.py", folder, os.ttyname(self._near), str(self.hang_s)],
+            [sys.executable, HERE / "watched_rover.py", *map(str, words)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
             process_group=0,
-            env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
+            env={**os.environ, "PYTHONPATH": str(HERE.parents[1]), "NOTIFY_SOCKET": str(folder / "notify")},
         )
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._serve, self._read)]
         for thread in self._threads:
@@ -126,6 +132,7 @@ class Rover:
             thread.join(LIMIT_S)
         assert self.process.stdout is not None
         self.process.stdout.close()
+        self.notified.close()
         os.close(self._far)
         os.close(self._near)
 
@@ -210,6 +217,10 @@ def test_each_process_recovers_from_kill_stop_and_hang(rover: Rover) -> None:
     for who, how in ROWS:
         check_recovery(rover, who, how, failures[who])
         failures[who] += 1
+    assert rover.notified.recv(100) == b"READY=1"
+    assert "[Pilot] Motors does not run" in rover.text  # by the page of health
+    asked = ask_health(rover.health_at, LIMIT_S)  # of a state manager that was started again
+    assert {part.name: part.restarts for part in asked.tree[1:]} == failures
     pids = [part.pid for part in rover.parts().values()]
     rover.paused_s = 0.0
     killed_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""A rover of three processes with a motor controller at a serial port: `python watched_rover.py FOLDER PORT HANG_S`.
+"""A rover of three processes with a motor controller at a serial port: `watched_rover.py FOLDER PORT HANG_S HEALTH_PORT`.
 
 Pilot --stick--> Drive --drive--> Motors --telemetry--> Pilot, 20 times a second, through the state manager.
 """
@@ -54,9 +54,18 @@ class Part(RoverProcess):
 
 
 class Pilot(Part):
-    """Holds the stick."""
+    """Holds the stick, and prints what else does not run."""
 
     key = "telemetry"
+
+    def setup(self, args: dict[str, Any]) -> None:
+        super().setup(args)
+        self.subscribe("health")
+
+    def on_health(self, data: dict[str, Any]) -> None:
+        for part in data["tree"][1:]:
+            if part["state"] != "running":
+                print(f"{part['name']} does not run")
 
     def answer(self, data: Any) -> None:
         pass
@@ -95,13 +104,13 @@ class Motors(Part):
         self.motors.close()
 
 
-def main(folder: str, port: str, hang_s: str) -> None:
+def main(folder: str, port: str, hang_s: str, health_port: str) -> None:
     timeouts = Timeouts(setup_s=60.0, hang_s=float(hang_s), end_s=END_S)
     children = [Child("state_manager", "on_failure", timeouts, ends_all=True)]
     children += [Child(name, "on_failure", timeouts) for name in PARTS]
     plan = Supervisor("root", children, intensity=Intensity(restarts=1000, within_s=600.0))
     parts = [kind.with_args(folder=folder, port=port) for kind in (Pilot, Drive, Motors)]
-    ProcessRunner(parts, plan=plan).run(Path(folder))
+    ProcessRunner(parts, plan=plan, health_at=("127.0.0.1", int(health_port))).run(Path(folder))
 
 
 if __name__ == "__main__":
