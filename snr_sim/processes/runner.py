@@ -41,7 +41,7 @@ from snr_sim.supervision.plan import Child, Supervisor
 from snr_sim.supervision.supervised_runner import SupervisedRunner
 
 QUEUE_MESSAGES = 10_000
-KEEP_ALIVE_S = 1.0  # on one computer a process that ends is noticed at once, and one that hangs by its supervisor
+KEEP_ALIVE_S = 1.5  # on one computer a process that ends is noticed at once, and one that hangs by its supervisor
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 

@@ -33,6 +33,7 @@ from snr_sim.supervision.role_process import RoleRun
 
 TARGET = "snr_sim.supervision.role_process:run"
 POLL_PERIOD_S = 0.1
+IDLE_PERIOD_S = 0.25
 _PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
 
 # Events for the main thread: ("signal", name), ("failed", role, message, component), ("over", role, status),
@@ -69,7 +70,7 @@ class RoleProcesses:
         self._ports = [one for role in roles for one in config.get(role) if implements(one, PortFactory)]
 
     def run(
-        self, begin: Callable[[], object], handle: Callable[..., object], goes_on: Callable[[], bool], runner: str
+        self, begin: Callable[[], object], handle: Callable[..., object], do_due: Callable[[], float], runner: str
     ) -> None:
         """Start processes, and pass on what happens to them, until the caller says that all is over.
 
@@ -78,7 +79,8 @@ class RoleProcesses:
         Args:
             begin: starts the first ones.
             handle: gets each event.
-            goes_on: does what is due, after the events of a moment and every `POLL_PERIOD_S`; returns False at the end.
+            do_due: does what is due, after the events of a moment; returns how long to wait for further events, such as
+                `POLL_PERIOD_S`, 0 at the end.
             runner: name of the caller's class, for messages.
 
         Raises:
@@ -93,8 +95,8 @@ class RoleProcesses:
                 self._prepare()
                 begin()
                 self._release()
-                while goes_on():
-                    self._wait(handle)
+                while (wait_s := do_due()) > 0.0:
+                    self._wait(handle, wait_s)
             finally:
                 for process in self.running.values():  # only if this program fails itself
                     process.kill()
@@ -115,9 +117,9 @@ class RoleProcesses:
         for port in self._ports:
             port.release()
 
-    def _wait(self, handle: Callable[..., object]) -> None:
+    def _wait(self, handle: Callable[..., object], wait_s: float) -> None:
         try:
-            event = self._events.get(POLL_PERIOD_S)
+            event = self._events.get(wait_s)
             while True:  # all that has arrived, before the caller judges what is due
                 handle(*event)
                 event = self._events.get(0.0)

@@ -9,6 +9,7 @@ import msgspec
 from snr_sim.core.config import Config
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.node import Node
+from snr_sim.links.link import Link
 from snr_sim.links.sockets import SocketsPair
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import LinkError, SnrError
@@ -59,11 +60,12 @@ def ask_health(address: tuple[str, int], wait_s: float) -> Health:
     factories = [HealthReader.factory(name="reader"), link.client(accept=[HEALTH]), TimeoutLoopFactory(wait_s)]
     node = Node(role, Config(factories={role: factories}))
     node.loop()
-    reader, state = node.components["reader"], node.get_data(f"link_{HEALTH}") or {}
+    reader, connection = node.components["reader"], node.components[f"link_{HEALTH}"]
     assert isinstance(reader, HealthReader)
+    assert isinstance(connection, Link)
     if isinstance(reader.found, Health):
         return reader.found
     raise reader.found or LinkError(
-        f"No health has arrived from {link.address} within {wait_s:g} s: {state.get('reason') or 'it is silent.'}",
+        f"No health has arrived from {link.address} within {wait_s:g} s: {connection.reason or 'it sent none.'}",
         fix="check that the robot runs, and the port that it was started with: health_at=.",
     )

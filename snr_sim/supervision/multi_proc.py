@@ -16,7 +16,7 @@ from snr_sim.core.config import Config
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ComponentFailedError
-from snr_sim.supervision.child import RoleProcesses
+from snr_sim.supervision.child import POLL_PERIOD_S, RoleProcesses
 from snr_sim.supervision.role_process import RoleRun, run_role
 
 # Time for roles to halt everything: after the request, and after the interrupt. A role that is stuck ends itself before
@@ -73,7 +73,7 @@ class MultiProcRunner:
             LinkError: a port is in use, so none was started.
             ComponentFailedError: a role failed; all others have been ended.
         """
-        self._processes.run(self._begin, self._handle, self._goes_on, type(self).__name__)
+        self._processes.run(self._begin, self._handle, self._do_due, type(self).__name__)
         if self._failures:
             raise self._failures[0]
 
@@ -89,14 +89,14 @@ class MultiProcRunner:
         else:
             self._on_end(*values)
 
-    def _goes_on(self) -> bool:
+    def _do_due(self) -> float:
         running = self._processes.running
         if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
             self._kill_at_s = None
             self._overdue.update(running)
             for process in running.values():
                 process.kill()
-        return bool(running)
+        return POLL_PERIOD_S if running else 0.0
 
     def _on_signal(self, name: str) -> None:
         self._signals += 1

@@ -25,7 +25,7 @@ from snr_sim.links.pipes import PipeLoopFactory
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SupervisionError
 from snr_sim.supervision.beats import beat_period_s
-from snr_sim.supervision.child import RoleProcesses
+from snr_sim.supervision.child import IDLE_PERIOD_S, POLL_PERIOD_S, RoleProcesses
 from snr_sim.supervision.health import HEALTH, Health, HealthReports, Usage, health_of, write_health
 from snr_sim.supervision.plan import Backoff, Child, Supervisor
 from snr_sim.supervision.role_process import RoleRun, run_role
@@ -97,7 +97,7 @@ class SupervisedRunner:
             LinkError: a port is in use, so none was started.
             SupervisionError: there was a safe stop, after more failures than the plan allows.
         """
-        self._processes.run(self._begin, self._handle, self._goes_on, type(self).__name__)
+        self._processes.run(self._begin, self._handle, self._do_due, type(self).__name__)
         if self._tree.safe_stop:
             self._print_last_lines()
             raise SupervisionError(
@@ -109,7 +109,7 @@ class SupervisedRunner:
         self._checked_s = time.monotonic()
         self._execute(self._tree.begin(self._checked_s))
 
-    def _goes_on(self) -> bool:
+    def _do_due(self) -> float:
         now_s = time.monotonic()
         if now_s - self._checked_s > STALL_S:
             self._tree.watch.reset(now_s)
@@ -117,8 +117,11 @@ class SupervisedRunner:
         self._checked_s = now_s
         self._execute(self._tree.tick(now_s))
         self._report(now_s)
-        self._systemd.report(self._tree.root.state == "running", self._tree.is_stopping, now_s)
-        return not self._tree.is_over
+        is_working = self._tree.root.state == "running"
+        self._systemd.report(is_working, self._tree.is_stopping, now_s)
+        if self._tree.is_over:
+            return 0.0
+        return IDLE_PERIOD_S if is_working else POLL_PERIOD_S
 
     def _handle(self, what: str, name: str, *values: Any) -> None:
         now_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""A rover of three processes with a motor controller at a serial port: `watched_rover.py FOLDER PORT HANG_S HEALTH_PORT`.
+"""Three processes that drive a motor at a serial port: `watched_rover.py FOLDER PORT HANG_S HEALTH_PORT`.
 
 Pilot --stick--> Drive --drive--> Motors --telemetry--> Pilot, 20 times a second, through the state manager.
 """
