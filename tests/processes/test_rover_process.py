@@ -11,9 +11,13 @@ from typing import Any
 import msgspec
 import pytest
 
+import snr_sim.links.link
 from snr_sim.core.clocks import SimClock
 from snr_sim.links.faults import LinkFaults
+from snr_sim.links.link import Link
+from snr_sim.links.messages import decode_page, encode_page
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
+from snr_sim.prelude.task import Page
 from snr_sim.processes.message import LINK_PAGE
 from snr_sim.processes.process_components import ProcessEndpoint
 from snr_sim.processes.rover_process import RoverProcess
@@ -79,6 +83,12 @@ def process(runner: ProcessRunner, name: str) -> Any:
 def broker(runner: ProcessRunner) -> StateManager:
     found = runner.nodes["state_manager"].components["state_manager"]
     assert isinstance(found, StateManager)
+    return found
+
+
+def link_of(runner: ProcessRunner) -> Link:
+    found = runner.nodes["state_manager"].components[LINK_PAGE]
+    assert isinstance(found, Link)
     return found
 
 
@@ -324,6 +334,37 @@ def test_broker_lists_subscribers_and_takes_changes() -> None:
     runner = ProcessRunner([script("A", {1.0: change}), script("B", {}, "k", "j")])
     runner.simulate(2.0)
     assert lists == ["k: B\nj: B", "k: A\nj: B"]
+
+
+def test_messages_are_forwarded_in_the_bytes_that_they_came_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    encoded: list[Page] = []
+
+    def encode(page: Page) -> bytes:
+        encoded.append(page)
+        return encode_page(page)
+
+    monkeypatch.setattr(snr_sim.links.link, "encode_page", encode)
+    numbers = [("k", i) for i in range(20)]
+    runner = simulate(
+        script("A", {1.0: publish(*numbers, ("unheard", 1))}), script("B", {2.0: publish(("k", 20))}, "k")
+    )
+    assert process(runner, "B").got == [*numbers, ("k", 20)]
+    assert [page.data for page in encoded if page.key == "k"] == list(range(21))  # by their publishers
+    assert link_of(runner)._arrived == {}
+
+
+def test_message_in_another_order_of_fields_is_encoded_anew() -> None:
+    page = Page("k", {"process": False}, "A_node", 1.0, process=False)
+    raw = b'{"$":"page","process":false,"key":"k","origin":"A_node","created_at_s":1.0,"data":{"process":false}}'
+
+    def forward(it: Any) -> None:
+        assert decode_page(raw) == page
+        link_of(runner)._arrived[id(page)] = page, raw
+        link_of(runner).forward(page, ["B_node"])
+
+    runner = ProcessRunner([script("A", {1.0: forward}), script("B", {}, "k")])
+    runner.simulate(2.0)
+    assert process(runner, "B").got == [("k", {"process": False})]
 
 
 def test_silent_process_is_reported_once_and_can_extend_its_time() -> None:
