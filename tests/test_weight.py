@@ -23,7 +23,7 @@ MAX_LINES = {
     "snr_sim/scenario": 3905,
     "snr_sim/schemas": 130,
     "snr_sim/std_mods": 870,
-    "snr_sim/supervision": 1720,
+    "snr_sim/supervision": 1730,
     "snr_sim/teleop": 1015,
     "snr_sim/testing": 2804,
     "snr_sim/view": 3220,
@@ -31,7 +31,7 @@ MAX_LINES = {
     "robots": 5714,
     "scenarios": 2479,
     "assignments": 8828,
-    "tests": 97300,
+    "tests": 97340,
     "snr_sim/grading/sandbox": 800,
 }
 

@@ -30,10 +30,10 @@ from snr_sim.processes.seed_names import SeedNames
 from snr_sim.processes.subscriptions import Subscriptions
 from snr_sim.supervision.health import HEALTH, PERIOD_S, HealthReports
 from snr_sim.supervision.plan import Supervisor
+from snr_sim.supervision.role_process import SUPERVISOR
 from snr_sim.supervision.tree import Tree
 from snr_sim.supervision.watch import Watch
 
-HANGING = "hanging"  # page with the names of the processes that hang
 REPORT_EVENT = "report"
 
 
@@ -86,10 +86,9 @@ class StateManager(SeedNames, Endpoint):
         """Do what a process asks for, or pass its message on."""
         page = task.page
         assert page is not None
-        if page.key == HEALTH:
-            self._send(self.table.of(HEALTH), page)
-            return None
-        if page.origin == self.parent.name:
+        if page.origin in (self.parent.name, SUPERVISOR):
+            if page.key == HEALTH:
+                self._send(self.table.of(HEALTH), page)
             return None
         name = page.origin.removesuffix("_node")
         subscribers: list[str] = []
@@ -142,20 +141,18 @@ class StateManager(SeedNames, Endpoint):
         """Report silent processes; in lock step also the health of all."""
         now_s = self.get_time_s()
         self._tree.petted(self.name, now_s)
-        names = self.watch.take_hanging(now_s)
-        for name in names:
+        for name in self.watch.take_hanging(now_s):
             timeout_s = self.watch.deadlines[name].timeout_s
             text = f"{name} has not reported for {timeout_s:g} s"
             self.log.warning("%s.", text)
             self.parent.add_note(f"t = {now_s:.3f} s: {text}. A loop that waits longer needs watchdog_extend(seconds).")
             if not self.parent.is_in_lock_step:
                 self._send([name], self.page(SILENT, timeout_s))
-        found = [self.store_data_task(HANGING, names)] if names else []
         health = self._health.take(now_s) if self.parent.is_in_lock_step else None
-        if health is not None:
-            health = replace(health, supervisor_pid=None)  # a process id would differ from run to run
-            found.append(self.store_data_task(HEALTH, msgspec.to_builtins(health)))
-        return found
+        if health is None:
+            return None
+        health = replace(health, supervisor_pid=None)  # a process id would differ from run to run
+        return self.store_data_task(HEALTH, msgspec.to_builtins(health))
 
     # The seed's interface
 

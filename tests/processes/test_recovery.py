@@ -215,8 +215,11 @@ def check_recovery(rover: Rover, who: str, how: str, failures: int) -> None:
         assert seen.neutral_s <= NEUTRAL_LIMIT_S + seen.paused_s
 
 
-@pytest.mark.wall_clock
-def test_each_process_recovers_from_kill_stop_and_hang(rover: Rover) -> None:
+REPETITIONS = [pytest.param(i, marks=pytest.mark.nightly if i else pytest.mark.wall_clock) for i in range(20)]
+
+
+@pytest.mark.parametrize("repetition", REPETITIONS)
+def test_each_process_recovers_from_kill_stop_and_hang(rover: Rover, repetition: int) -> None:
     failures = dict.fromkeys((BROKER, *PARTS), 0)
     for who, how in ROWS:
         check_recovery(rover, who, how, failures[who])
@@ -234,10 +237,3 @@ def test_each_process_recovers_from_kill_stop_and_hang(rover: Rover) -> None:
     ended_s = rover.until(lambda: not any(is_alive(pid or 0) for pid in pids))
     print(f"supervisor: neutral {rover.neutral_s(killed_s)}, all ended {ended_s - killed_s:.3f} s")
     assert ended_s - killed_s <= END_LIMIT_S * slowness()
-
-
-@pytest.mark.nightly(minutes=3)
-@pytest.mark.parametrize(("who", "how"), ROWS)
-def test_a_process_recovers_twenty_times(rover: Rover, who: str, how: str) -> None:
-    for failures in range(20):
-        check_recovery(rover, who, how, failures)
