@@ -353,7 +353,7 @@ def test_messages_are_forwarded_in_the_bytes_that_they_came_in(monkeypatch: pyte
     assert link_of(runner)._arrived == {}
 
 
-def test_message_in_another_order_of_fields_is_encoded_anew() -> None:
+def test_message_in_another_order_of_fields_is_encoded_again() -> None:
     page = Page("k", {"process": False}, "A_node", 1.0, process=False)
     raw = b'{"$":"page","process":false,"key":"k","origin":"A_node","created_at_s":1.0,"data":{"process":false}}'
 
