@@ -30,8 +30,8 @@ MAX_LINES = {
     "snr_sim/web": 2940,
     "robots": 5714,
     "scenarios": 2479,
-    "assignments": 8828,
-    "tests": 97340,
+    "assignments": 9387,
+    "tests": 97690,
     "snr_sim/grading/sandbox": 800,
 }
 

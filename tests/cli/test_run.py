@@ -16,6 +16,7 @@ from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.library import find
+from tests.on_thread import wait_for
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
@@ -588,6 +589,7 @@ def test_a_live_run_is_shown_in_the_browser(here: Path) -> None:
         assert url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(url, timeout=60) as answer:
             assert "canvas" in answer.read().decode()
+        wait_for(lambda: any(path.stat().st_size > 2000 for path in here.glob("runs/*/trace.jsonl")))  # the run began
         process.terminate()
         out, err = process.communicate(timeout=60)
     assert "interrupted" in out
