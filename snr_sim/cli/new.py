@@ -32,7 +32,7 @@ def new(
     robot: Annotated[str, typer.Option(help="Of a machine or a scenario: which robot it is for.")] = "",
     scenario: Annotated[str, typer.Option(help="Of a controller: a scenario that it is for.")] = "",
 ) -> None:
-    """Begin a controller, a machine, a robot, a scenario, a lab or a service of your own.
+    """Begin a controller, machine, robot, scenario, lab or service of your own.
 
     Makes a copy of one there is, or of the files that a lab begins with, under the current folder. A service is a unit
     file of systemd for the RoverProcesses in NAME.py.
