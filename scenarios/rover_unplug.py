@@ -2,8 +2,8 @@
 
 Names belong to controllers and not to ports, so afterwards each wheel must follow its own command. Before, the rover
 must stop, and stay where it is until its pilot has disarmed and armed it, whatever the sticks command meanwhile. Every
-seed is another pair of wheels, one of each side, and other times. The controllers are emulated, also without
-`--io emulated`.
+seed is another pair of wheels, one of each side, and other times. Simulated motors without controllers have no plugs,
+so it needs emulated controllers: in memory, or with `--io pty` at serial ports.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from snr_sim.teleop import Cue
 
 ROBOT = "rover"
 ENGINES = ("mujoco", "pymunk")
+IO = ("emulated", "pty")
 CONTROLLER = "sticks"
 # Of the pilot, who does not see that the rover has stopped.
 ARM_S, AHEAD_S, DISARM_S, ARM_AGAIN_S, AHEAD_AGAIN_S, TURN_S, END_S = 1.0, 1.5, 9.0, 9.5, 10.0, 12.0, 14.0

@@ -18,7 +18,7 @@ import time
 import traceback
 import tracemalloc
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -354,7 +354,7 @@ def parsers(traces: dict[str, bytes]) -> dict[str, Parser]:
         {"kind": "show", "t_s": 3.25},
         {"kind": "why", "machine": "dora", "transition": "bump", "from_s": 10.0, "until_s": 12.0},
     ]
-    lrp = [path.read_bytes() for path in Path("robots").glob("*/controllers/*.lrp")]
+    lrp = [path.read_bytes() for path in sorted(Path("robots").glob("*/controllers/*.lrp"))]
     lines = [b"show depth_m\n", b'store k1 {"a": [1, 2]}', b"watch depth_m 2", b"reload part", b"pages", b"dump x y z"]
     found = {
         "decode_value": Parser(decode_value, [encode_value(Page.deserialize(one).data) for one in pages]),
@@ -372,7 +372,9 @@ def parsers(traces: dict[str, bytes]) -> dict[str, Parser]:
             json_errors,
         ),
         "console_line": Parser(lambda data: parse_command(TABLE, data.decode(errors="replace")), lines),
-        "lease": Parser(lease_messages.decode, [lease_messages.encode(lease_messages.Lease(1, [1500.0], 1.0, 0.2))]),
+        "lease": Parser(
+            lease_messages.CODEC.decode, [lease_messages.CODEC.encode(lease_messages.Lease(1, [1500.0], 1.0, 0.2))]
+        ),
         "mcu": Parser(_frames, [b"".join(map(mcu_frames.encode, mcu))]),
         "mcu_bodies": Parser(_mcu_bodies, [b"\xfe\xfe".join(bodies)]),
         "nmea": Parser(_nmea, [b"".join(map(_sentence, nmea))]),
@@ -439,7 +441,12 @@ def fault_of(parser: Parser, data: bytes, is_measured: bool) -> str:
         limit = max(parser.min_memory_bytes, MAX_MEMORY_FACTOR * len(data))
         return f"memory: {peak} bytes" if peak > limit else ""
     limit_s = slowness() * (parser.max_cpu_s + MAX_CPU_S_PER_100_KB * len(data) / 1e5)
-    return f"time: {used_s:.2f} s" if used_s > limit_s else ""
+    for _ in range(2 if used_s > limit_s else 0):  # the input, or a computer that was slow for a moment?
+        begun_s = time.thread_time()
+        with suppress(*parser.refusals):
+            parser.parse(data)
+        used_s = min(used_s, time.thread_time() - begun_s)
+    return f"time: {used_s:.2f} s of {limit_s:.2f}" if used_s > limit_s else ""
 
 
 def trials(all_parsers: dict[str, Parser], seed: int) -> Iterator[tuple[str, bytes, str]]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -97,7 +98,19 @@ def test_robot_states_its_options_so_that_a_misspelt_one_is_refused(found: libra
     assert isinstance(library.load_robot(found).OPTIONS, dict)
 
 
-@every_scenario
+def every_plant() -> list[Any]:
+    """Return every plant; that of a robot and engine which an earlier scenario has, in the slow lane."""
+    params, seen = [], set()
+    for found in library.list_available("scenarios"):
+        scenario, _ = load(found)
+        for engine in scenario.ENGINES:
+            marks = [pytest.mark.slow] if (scenario.ROBOT, engine) in seen else []
+            params.append(pytest.param(found, engine, id=f"{found.name}-{engine}", marks=marks))
+            seen.add((scenario.ROBOT, engine))
+    return params
+
+
+@pytest.mark.parametrize(("found", "engine"), every_plant())
 def test_plants_pass_contract(found: library.FoundItem, engine: str) -> None:
     scenario, _ = load(found)
     names = scenario.plant(1, engine).inputs

@@ -18,22 +18,31 @@
     controls  what the surface asks for, where there is a pilot (controls.py); odometry and vehicle come from the
               controllers that need them (odometry.py, controllers/sticks.py)
 
-With `--io emulated`, and always in a scenario that pulls plugs, each motor has an emulated VESC controller, driven and
-read by the bytes of a serial line. Its port is found by the controller's name; when a port is gone, all wheels brake
-until all controllers are found and the robot has commanded neutral, as it does while its pilot has disarmed it. A
-command older than a fifth of a second, and none at all, is a brake of 4 A: a rover that rolled freely would drive
-down a slope. Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
+With `--io emulated` each motor has an emulated VESC controller, driven and read by the bytes of a serial line; with
+`--io pty` that is a serial port of this computer, in real time, and the port's owner is a process that puts the wheels
+at neutral when this program ends or hangs. A controller's port is found by its name; when a port
+is gone, all wheels go to neutral until all controllers are found and the robot has commanded neutral, as it does while
+its pilot has disarmed it. A command older than a fifth of a second, and none at all, is neutral too: no torque, and
+after a tenth of a second a brake of 4 A, since a rover that rolled freely would drive down a slope. Its numbers are in
+parameters.py and vehicles/, its physics in snr_sim/plants, its ground in the scenario.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from snr_sim.devices import (
     ActuatorLoopFactory,
+    ControllerSettings,
     GamepadLoopFactory,
+    GuardedMotors,
+    GuardedSensor,
+    GuardLine,
     MotorLoopFactory,
     MotorPorts,
     PortWatch,
@@ -46,8 +55,9 @@ from snr_sim.devices import (
     VescLine,
     VescMotors,
     VescSensor,
+    read_ports,
 )
-from snr_sim.devices.emulated import VescPlant
+from snr_sim.devices.emulated import PtyPlant, VescPlant
 from snr_sim.errors import ParameterError
 from snr_sim.plants import Plant
 from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
@@ -66,6 +76,7 @@ OPTIONS = {
     "host": "where the rover listens, when roles run by themselves: 127.0.0.1",
     "port": "and its port there, the same at both ends: 9130",
     "secret": "file with a text that both ends have, so that others cannot steer (or the variable SNR_SECRET holds it)",
+    "unproven": "yes: with --io ports:FILE also motors whose controllers' timeouts were never measured are armed",
     "allow": "addresses of surface computers that the rover takes without a secret, with commas between",
 }
 TO_TOPSIDE = ("vehicle", "odometry", "power", RECORDING_KEY)
@@ -103,7 +114,7 @@ def sim_arm(context: RobotContext) -> SimActuator[ArmCommand]:
     """Open the simulated servos of the arm, each of which has limits within these."""
     plant, arm = context.plant, context.robot.parameters.vehicle.arm
     limits = {"angles_rad": (min(arm.lows_rad), max(arm.highs_rad))}
-    return SimActuator(plant.plant if isinstance(plant, VescPlant) else plant, "arm", ArmCommand, limits)
+    return SimActuator(plant.plant if isinstance(plant, VescPlant | PtyPlant) else plant, "arm", ArmCommand, limits)
 
 
 def sim_motors(context: RobotContext) -> SimMotors:
@@ -141,19 +152,45 @@ def vesc_motors(context: RobotContext) -> VescMotors:
     return VescMotors(lines, parameters.motor_limits, parameters.neutral_a, poll=motor_ports(context).poll)
 
 
+def motor_guard(context: RobotContext) -> GuardLine:
+    """Return the guard of the motors' controllers, a process that owns their ports."""
+    plant, settings = context.plant, controller_settings(context)
+    folder = plant.folder if isinstance(plant, PtyPlant) else Path(read_ports(Path(context.address)).links)
+    guard: GuardLine = context.get_or_create("motor_guard", lambda: GuardLine.of_links(context.now_s, settings, folder))
+    return guard
+
+
+def controller_settings(context: RobotContext) -> ControllerSettings:
+    """Return what is known of the motors' controllers; with `--io ports:FILE` the file names them."""
+    parameters: RoverParameters = context.robot.parameters
+    settings = ControllerSettings(
+        motor_names(parameters), parameters.erpm_per_rpm, parameters.motor_limits, parameters.neutral_a, "seed"
+    )
+    if context.io != "ports":
+        return settings
+    ports, is_unproven = read_ports(Path(context.address)), context.robot.options.get("unproven") == "yes"
+    return replace(settings, chips=ports.vesc, timeouts_s=None if is_unproven else ports.timeout_s)
+
+
+def guarded_motor(context: RobotContext, name: str) -> GuardedSensor:
+    """Open what reads a motor by its guard."""
+    return GuardedSensor(motor_guard(context), name)
+
+
+def guarded_motors(context: RobotContext) -> GuardedMotors:
+    """Open the motors behind their guard; the simulated ones do the same as real ones."""
+    return GuardedMotors(motor_guard(context), context.plant if context.io == "ports" else None)
+
+
 def wrap_plant(context: RobotContext) -> Plant:
-    """Return the plant; with `--io emulated`, with an emulated controller at each motor."""
+    """Return the plant; with `--io emulated` and `--io pty`, with an emulated controller at each motor."""
     assert context.plant is not None
-    if device_row(context) != "emulated":
+    if context.io in ("sim", "ports"):
         return context.plant
     parameters: RoverParameters = context.robot.parameters
     names, replugs = motor_names(parameters), parameters.replugs
-    return VescPlant(context.plant, names, parameters.erpm_per_rpm, replugs=replugs, dialect="seed")
-
-
-def device_row(context: RobotContext) -> str:
-    """Return the row of the device table: a scenario that pulls plugs needs some."""
-    return "emulated" if context.robot.parameters.replugs else context.io
+    controllers = VescPlant if context.io == "emulated" else PtyPlant
+    return controllers(context.plant, names, parameters.erpm_per_rpm, replugs=replugs, dialect="seed")
 
 
 def motor_names(parameters: RoverParameters) -> list[str]:
@@ -175,6 +212,8 @@ def manual_input(context: RobotContext) -> ManualInput:
 DEVICES: dict[str, dict[str, Callable[..., Any]]] = {
     "sim": {"motor": sim_motor, "drive": sim_motors},
     "emulated": {"motor": vesc_motor, "drive": vesc_motors},
+    "pty": {"motor": guarded_motor, "drive": guarded_motors},
+    "ports": {"motor": guarded_motor, "drive": guarded_motors},
 }
 IO = tuple(DEVICES)
 
@@ -182,7 +221,9 @@ IO = tuple(DEVICES)
 def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Return the components of each role. Sensors are first and motors last, so a reading acts within its tick."""
     parameters: RoverParameters = context.robot.parameters
-    devices = DEVICES[device_row(context)]
+    devices = DEVICES[context.io]
+    if "unproven" in context.robot.options and context.io != "ports":
+        raise ParameterError("--option unproven=... is for real controllers.", fix="leave it out, or --io ports:FILE.")
     sensors = [
         SensorLoopFactory(name, partial(devices["motor"], context, name), parameters.motors_hz)
         for name in motor_names(parameters)
@@ -222,7 +263,7 @@ def _surface(context: RobotContext, parameters: RoverParameters) -> list[Factory
 
 
 def _check_no_options(context: RobotContext) -> None:
-    for name in sorted(context.robot.options.keys() & OPTIONS.keys()):
+    for name in sorted((context.robot.options.keys() & OPTIONS.keys()) - {"unproven"}):
         raise ParameterError(
             f"--option {name}=... has no effect: there is no pilot in {context.robot.scenario}.",
             fix="leave it out, or run rover_teleop.",

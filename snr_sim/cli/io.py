@@ -34,11 +34,19 @@ def io(
             metavar="CHANNEL", help="Move one channel, such as pwm4 or 4, by 5 %, for 2 s, after you have confirmed it."
         ),
     ] = "",
+    identify: Annotated[
+        bool, typer.Option("--identify", help="Turn one motor after the other, and ask which it is; --io ports:FILE.")
+    ] = False,
+    check_timeout: Annotated[
+        bool, typer.Option("--check-timeout", help="Turn each motor, and measure when it stops; --io ports:FILE.")
+    ] = False,
     once: Annotated[bool, typer.Option("--once", help="Print it once.")] = False,
     seconds: Annotated[float, typer.Option(help="End by itself after so long.")] = 0.0,
     as_json: Annotated[bool, typer.Option("--json", help="With --once: print one JSON object.")] = False,
 ) -> None:
     """Show every channel and reading.
+
+    With --identify or --check-timeout, turn motors at real ports instead, once you have confirmed it.
 
     The devices are opened as in a run, but the robot's program is not there: outputs stay neutral, and are armed only
     with --move.
@@ -54,6 +62,10 @@ def io(
             "--move asks for confirmation, so it needs a terminal and does not work with --once.",
             fix="call it from a terminal, without --once.",
         )
+    if identify or check_timeout:
+        from snr_sim.cli.io_motors import check_motors
+
+        sys.exit(check_motors(scenario, io, identify, check_timeout))
     with bench_of(devices_of(scenario, io)) as bench:
         if move:
             move = bench.name_of(move)

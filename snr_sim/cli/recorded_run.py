@@ -111,7 +111,7 @@ def record_run(
             else:
                 assert plant is not None  # only a role that runs by itself may be without one
                 run = SimulationRun(simulation, plant, config, recorder, pace, tick)
-            if alone is not None or simulation.uses_hardware:  # a real robot continues without its recording
+            if alone is not None or simulation.is_real_time:  # a real robot continues without its recording
                 recorder.fail_softly(run.nodes)
             # From here on a signal ends the run in order and the files are completed, even if it arrives after the run.
             signals = stack.enter_context(graceful_shutdown(run.nodes))
@@ -151,9 +151,9 @@ def _prepared(
 ) -> tuple[Simulation, RoleRun | None, Plant | None, Config, float | None]:
     """Return the simulation, the run of a role that runs by itself, plant, configuration and pace."""
     simulation = prepare(request)
-    if simulation.uses_hardware and pace not in (None, 1.0):
-        raise ParameterError(f"--io {request.io} uses real devices, which run in real time only.", fix="--speed real.")
-    pace = 1.0 if simulation.uses_hardware else pace
+    if simulation.is_real_time and pace not in (None, 1.0):
+        raise ParameterError(f"--io {request.io} has devices that run in real time only.", fix="--speed real.")
+    pace = 1.0 if simulation.is_real_time else pace
     simulation.check_hardware()
     if not simulation.is_standalone:
         plant = simulation.plant()

@@ -23,7 +23,7 @@ def run(
     engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
     controller: Annotated[str, typer.Option(help="One of the robot's by name, or a file: ./mine.py.")] = "",
     role: Annotated[str, typer.Option(help="Runs one role only, in real time; start the others too.")] = "",
-    io: Io = "sim",
+    io: Io = "",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
     option: Annotated[list[str], typer.Option(help="KEY=VALUE, see `snr list robots`; may be repeated.")] = [],  # noqa: B006
     policy: Annotated[

@@ -14,10 +14,15 @@ if TYPE_CHECKING:
     from snr_sim.devices.mcu.mcu import McuPower as McuPower
     from snr_sim.devices.mcu.mcu import McuPwm as McuPwm
     from snr_sim.devices.mcu.mcu_board import McuBoard as McuBoard
+    from snr_sim.devices.motors.guarded_motors import GuardedMotors as GuardedMotors
+    from snr_sim.devices.motors.guarded_motors import GuardedSensor as GuardedSensor
+    from snr_sim.devices.motors.guarded_motors import GuardLine as GuardLine
     from snr_sim.devices.motors.motor_backend import SimMotors as SimMotors
+    from snr_sim.devices.motors.motor_guard import ControllerSettings as ControllerSettings
     from snr_sim.devices.motors.motor_loop import MotorLoopFactory as MotorLoopFactory
     from snr_sim.devices.motors.motor_ports import MotorPorts as MotorPorts
     from snr_sim.devices.motors.port_watch import PortWatch as PortWatch
+    from snr_sim.devices.motors.ports_file import read_ports as read_ports
     from snr_sim.devices.motors.vesc_line import VescLine as VescLine
     from snr_sim.devices.motors.vesc_motors import VescMotors as VescMotors
     from snr_sim.devices.motors.vesc_motors import VescSensor as VescSensor

@@ -3,10 +3,12 @@
 sim                 all in the simulated world
 loopback            outputs without hardware: the requested pulses are the applied ones
 emulated            emulated boards or motor controllers behind serial lines, in lock step with the simulated world
+pty                 the same motor controllers at serial ports of this computer, in a process of their own, in real time
 mcu:PORT            real outputs behind a microcontroller; the vehicle around them is simulated, in real time
 maestro:PORT        the same, behind a Pololu Maestro
 pca9685:BUS:ADDR    the same, behind a PCA9685 on I2C
 sysfs               the same, at the PWM pins of a Raspberry Pi
+ports:FILE          motor controllers at real serial ports; the vehicle around them is simulated, in real time
 replay:RUN          sensors return the readings of a recorded run; outputs as with loopback
 pi                  all real: the robot's own table of ports, in its robot.py
 """
@@ -18,8 +20,8 @@ from dataclasses import dataclass
 from snr_sim.prelude.errors import UnknownNameError, suggest
 
 ENVIRONMENT = "SNR_SIM_IO"
-_KINDS = ("sim", "loopback", "emulated", "mcu", "maestro", "pca9685", "sysfs", "replay", "pi")
-_ADDRESS_FORMATS = {"mcu": "PORT", "maestro": "PORT", "pca9685": "BUS:ADDR", "replay": "RUN"}
+_KINDS = ("sim", "loopback", "emulated", "pty", "mcu", "maestro", "pca9685", "sysfs", "ports", "replay", "pi")
+_ADDRESS_FORMATS = {"mcu": "PORT", "maestro": "PORT", "pca9685": "BUS:ADDR", "ports": "FILE", "replay": "RUN"}
 UNSUPPORTED = {
     "gpiozero": (
         "gpiozero's servos are not for speed controllers: on a Raspberry Pi (lgpio) they have steps of 200 us at "
@@ -29,7 +31,7 @@ UNSUPPORTED = {
 }
 BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated, in real time
 ON_SERIAL_PORTS = ("mcu", "maestro")
-_EXAMPLES = {"PORT": "/dev/ttyUSB0", "BUS:ADDR": "1:0x40", "RUN": "runs/urov_depth_hold-0-..."}
+_EXAMPLES = {"PORT": "/dev/ttyUSB0", "BUS:ADDR": "1:0x40", "RUN": "runs/urov_depth_hold-0-...", "FILE": "ports.toml"}
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,12 @@ class Io:
     @property
     def is_hardware(self) -> bool:
         """Whether any of the devices is real: then outputs move hardware, and time is real."""
-        return self.kind in (*BENCH, "pi")
+        return self.kind in (*BENCH, "ports", "pi")
+
+    @property
+    def is_real_time(self) -> bool:
+        """Whether any of the devices has a clock of its own."""
+        return self.is_hardware or self.kind == "pty"
 
 
 _RENAMED = {"mirror": "loopback"}  # the old name goes with release 0.3

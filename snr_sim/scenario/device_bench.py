@@ -226,14 +226,14 @@ def bench_of(simulation: Simulation) -> Bench:
     """
     clock = WallClock()
     plant = simulation.plant() if simulation.has_plant else None
-    config = simulation.config(plant, clock.now_s if simulation.uses_hardware else None)
+    config = simulation.config(plant, clock.now_s if simulation.is_real_time else None)
     stepper = None if plant is None else Stepper(plant)
 
     def advance() -> None:
         if stepper is not None:
             stepper.advance_to(clock.now_s())
 
-    now_s = clock.now_s if simulation.uses_hardware or plant is None else lambda: plant.time_s
+    now_s = clock.now_s if simulation.is_real_time or plant is None else lambda: plant.time_s
     parts = [config.get(role) for role in simulation.robot_file.ROLES if role in config.factories]
     own = next((part for part in parts if _of(part, ActuatorLoopFactory)), parts[0] if parts else [])
     sensors, outputs = _of(own, SensorLoopFactory), _of(own, ActuatorLoopFactory)

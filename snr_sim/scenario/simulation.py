@@ -35,14 +35,14 @@ from snr_sim.scenario.student_calls import call_student, factories_of
 
 @dataclass(frozen=True)
 class Request:
-    """Request for a run; None means the scenario's default."""
+    """Request for a run; None means the scenario's default, and so does no text for `io`."""
 
     scenario: str
     seed: int = 0
     engine: str | None = None
     controller: str | None = None
     role: str | None = None
-    io: str = "sim"
+    io: str = ""
     options: dict[str, str] = field(default_factory=dict)
 
 
@@ -115,9 +115,9 @@ class Simulation:
         return parse_io(self.request.io).kind != "pi"
 
     @property
-    def uses_hardware(self) -> bool:
-        """Whether any of the devices is real, so that the run is in real time."""
-        return parse_io(self.request.io).is_hardware
+    def is_real_time(self) -> bool:
+        """Whether any of the devices has a clock of its own, so that the run is in real time."""
+        return parse_io(self.request.io).is_real_time
 
     def check_hardware(self) -> None:
         """Check that the port in `--io` exists, so that a wrong one is reported before the run.
@@ -326,6 +326,9 @@ def prepare(
             f"Scenario '{scenario_found.name}' does not run on engine '{engine}'.",
             fix=suggest(engine, scenario.ENGINES),
         )
+    # What a scenario is about may need devices that are more than simulated values.
+    rows = getattr(scenario, "IO", robot.IO)
+    request = replace(request, io=request.io or ("sim" if "sim" in rows else rows[0]))
     io = parse_io(request.io)
     if io.kind in BENCH:
         from snr_sim.devices.device_strings import check_io  # its import takes 60 ms and no simulation needs it
@@ -335,14 +338,18 @@ def prepare(
         raise UnknownNameError(
             f"Robot '{robot_found.name}' has no devices for --io {request.io}.", fix=suggest(request.io, robot.IO)
         )
+    if io.kind not in rows:
+        raise UnknownNameError(
+            f"Scenario '{scenario_found.name}' does not run with --io {request.io}.", fix=suggest(request.io, rows)
+        )
     if request.io == "pi" and request.role is None and len(robot.ROLES) > 1:
         raise UnknownNameError(
             f"With --io pi each role of robot '{robot_found.name}' runs by itself, where its devices are.",
             fix=f"--role {robot.ROLES[0]} on the vehicle, and --role {robot.ROLES[-1]} where the pilot is.",
         )
-    if request.io == "emulated" and request.role is not None and len(robot.ROLES) > 1:
+    if io.kind in ("emulated", "pty") and request.role is not None and len(robot.ROLES) > 1:
         raise UnknownNameError(
-            "The emulated board goes in lock step with the whole robot, not with one role on the wall clock.",
+            f"--io {io} emulates devices next to the whole simulated robot, not next to one role that runs by itself.",
             fix=f"leave out --role {request.role}.",
         )
     if request.role is not None and request.role not in robot.ROLES:

@@ -77,7 +77,7 @@ class SimulationRun:
         plant: from `simulation.plant()`, fresh.
         config: from `simulation.config(plant)`.
         recorder: writes the trace, if given; the caller closes it.
-        pace: virtual seconds per wall second; None is as fast as possible.
+        pace: virtual seconds per wall second; None is as fast as possible. With devices that have clocks, 1.
         on_advance: called with the virtual time at each new instant.
 
     Raises:
@@ -102,7 +102,7 @@ class SimulationRun:
             clock=clock,
             recorder=recorder,
             seed=simulation.request.seed,
-            pace=pace,
+            pace=1.0 if simulation.is_real_time else pace,
             until_s=float(simulation.scenario.TIME_LIMIT_S),
             log_notes=False,  # the result contains them
         )

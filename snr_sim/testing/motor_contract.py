@@ -1,7 +1,8 @@
 """Contract of motors: behaviour common to all backends, checked on one, by its answers and by what the motors do.
 
 Motors are an `Actuator` of `DriveCommand`, with these rules in addition. No interface of their own is needed: a command
-holds the end of its lease, each wheel's reading has a sensor, and `neutral` and `deactivate` stop.
+holds the end of its lease, each wheel's reading has a sensor, and `neutral` and `deactivate` stop. Neutral of a wheel
+that was driven takes away its torque at once, and brakes after `RELEASE_S`.
 
 A backend of your own needs a bench for it, a class with the members of `MotorBench`, and one test:
 
@@ -16,14 +17,16 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Protocol
 
+from snr_sim.devices.motors.motor_backend import RELEASE_S
 from snr_sim.prelude.device import LEASE_S, Actuator
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.ground_signals import DriveCommand, DriveMode
 from snr_sim.prelude.interfaces import implements
 from snr_sim.testing.contracts import require
 
-SILENCE_S = LEASE_S + 0.1  # until a wheel without commands brakes: controllers have a timeout of their own
+SILENCE_S = LEASE_S + RELEASE_S  # until a wheel without commands brakes: controllers have a timeout of their own
 _MODES: tuple[DriveMode, ...] = ("speed", "current", "duty", "brake")
+_LATE_S = 0.02  # of a motor's controller, and of the bench's steps
 _OF_A_VALUE = 0.01  # controllers receive whole numbers of small units
 
 
@@ -117,11 +120,29 @@ class _Driver:
             is_so = (mode == "brake" and value > 0.0) != (i in but)
             require(is_so, f"{when}, motor {i} does {mode} {value}")
 
-    def check_refuses(self, when: str) -> None:
-        """Check that a command is answered by neutral, and that all brake."""
+    def check_idles(self, when: str) -> None:
+        """Check that no motor pushes."""
+        for i, (mode, value) in enumerate(self.bench.does()):
+            require(mode == "brake" or value == 0.0, f"{when}, motor {i} does {mode} {value}")
+
+    def check_releases(self, when: str) -> None:
+        """Check that motors turn freely, until they brake after `RELEASE_S`, in which `neutral` is called again."""
+        for seconds in (0.0, RELEASE_S - _LATE_S):
+            self.bench.advance(seconds)
+            self.motors.neutral()
+            for i, (mode, value) in enumerate(self.bench.does()):
+                require(
+                    mode != "brake" and value == 0.0, f"{when}, motor {i} does {mode} {value}, and must turn freely"
+                )
+        self.bench.advance(2.0 * _LATE_S)
+        self.motors.neutral()
+        self.check_brakes(f"{RELEASE_S + _LATE_S:g} s later, {when}")
+
+    def check_refuses(self, when: str, was_driven: bool = False) -> None:
+        """Check that a command is answered by neutral, and that all brake, those that were driven after a while."""
         applied = self.motors.write(self.fast)
         require(not applied.values, f"{when}, {self.fast} is answered by {applied}, not by neutral")
-        self.check_brakes(f"{when}, and commanded")
+        (self.check_releases if was_driven else self.check_brakes)(f"{when}, and commanded")
 
     def check_state(self, state: str, when: str) -> None:
         """Check the state."""
@@ -149,16 +170,21 @@ def _life(driver: _Driver) -> None:
         driver.check_state(state, f"after {step.__name__}()")
     driver.check_follows(driver.fast, "active")
     motors.neutral()
-    driver.check_brakes("after neutral()")
+    driver.check_releases("after neutral()")
+    for command in (driver.fast, DriveCommand("brake", driver.fast.values)):
+        driver.check_follows(command, "after neutral()")
+        motors.neutral()
+    driver.check_brakes("after a brake and neutral()")
     driver.check_follows(driver.fast, "after neutral()")
     motors.deactivate("checked")
     motors.deactivate("checked")
     driver.check_state("inactive", "after deactivate()")
-    driver.check_brakes("after deactivate()")
+    driver.check_releases("after deactivate()")
     motors.activate()
     driver.check_follows(driver.fast, "activated again")
     motors.close()
-    driver.check_brakes("after close()")
+    driver.bench.advance(SILENCE_S)
+    driver.check_brakes(f"{SILENCE_S:g} s after close()")
     driver.check_raises(lambda: motors.write(driver.fast), DeviceError, "write() after close()")
     driver.check_raises(motors.configure, DeviceError, "configure() after close()")
 
@@ -173,7 +199,7 @@ def _arm(driver: _Driver) -> None:
     driver.check_brakes("activated, and not commanded since")
     driver.check_follows(driver.fast, "commanded since")
     motors.deactivate("checked")
-    driver.check_refuses("after deactivate()")
+    driver.check_refuses("after deactivate()", was_driven=True)
     motors.activate()
     driver.check_brakes("activated again, and not commanded since")
 
@@ -195,7 +221,10 @@ def _commands(driver: _Driver) -> None:
             driver.check_does(clamped, f"commanded {mode} {beyond}")
     applied = motors.write(DriveCommand("speed"))
     require(not applied.values, f"a command without values is answered by {applied}")
-    driver.check_brakes("commanded no values")
+    driver.check_brakes("commanded to brake, and then no values")
+    driver.check_follows(driver.fast, "commanded since")
+    motors.write(DriveCommand("speed"))
+    driver.check_releases("commanded no values")
 
 
 def _invalid(driver: _Driver) -> None:
@@ -217,7 +246,7 @@ def _lease(driver: _Driver) -> None:
         driver.ready()
         applied = motors.write(DriveCommand("speed", driver.fast.values, until_s=asked_s))
         require(not applied.values, f"at {bench.now_s()} s a command until {asked_s} s is answered by {applied}")
-        driver.check_brakes(f"commanded until {asked_s} s, at {bench.now_s()} s")
+        driver.check_releases(f"commanded until {asked_s} s, at {bench.now_s()} s")
         motors.deactivate("checked")
 
 
@@ -230,7 +259,9 @@ def _silence(driver: _Driver) -> None:
         bench.advance(LEASE_S - 0.05)
         driver.check_does(driver.fast, f"{LEASE_S - 0.05:g} s after a command")
         bench.advance(SILENCE_S - LEASE_S + 0.05)
-        driver.check_brakes(f"{SILENCE_S:g} s after the last command")
+        driver.check_idles(f"{SILENCE_S:g} s after the last command")
+        bench.advance(2.0 * _LATE_S)
+        driver.check_brakes(f"{SILENCE_S + 2.0 * _LATE_S:g} s after the last command")
         driver.check_state("active", "after a silence")
         driver.check_follows(driver.fast, "after a silence")
         motors.deactivate("checked")

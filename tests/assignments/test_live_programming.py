@@ -98,6 +98,7 @@ def test_recorded_edits_are_those_of_the_reference(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("warm_children")
 def test_edited_run_that_stays_caught_gets_half_of_the_points(tmp_path: Path) -> None:
     write(caught_edits(), tmp_path / "edits")

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from snr_sim.cli.io import lines
+from snr_sim.devices.motors.ports_file import read_ports
 from snr_sim.devices.pwm.motor_test import WHOLE_S, motor_test_pulses_us, top_us
 from snr_sim.devices.pwm.pwm_backend import LoopbackPwm, PwmBackend
 from snr_sim.prelude.device import Stale
@@ -414,3 +415,24 @@ def test_pipe_output_is_lines(made: Path, here: Path) -> None:
     assert "pwm: inactive; pwm0:1500 pwm1:1500; not active" in done.stdout
     once = subprocess.run([*command[:-2], "--once", "--json"], capture_output=True, text=True, timeout=120)
     assert json.loads(once.stdout)["outputs"][0]["channels"] == 2
+
+
+@pytest.mark.slow
+def test_io_identifies_motors_at_ports_and_measures_their_timeouts(tmp_path: Path) -> None:
+    links, file = tmp_path / "links", tmp_path / "ports.toml"
+    file.write_text(f'links = "{links}"\n')
+    words = ["-m", "snr_sim.devices.emulated.rover_bench", "--links", str(links), "--motors", "LF RF"]
+    asked = ["-m", "snr_sim", "io", "rover_teleop", "--io", f"ports:{file}", "--identify", "--check-timeout"]
+    with subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE) as bench:
+        assert bench.stdout is not None
+        assert [bench.stdout.readline() for _ in range(2)]
+        refused = subprocess.run([sys.executable, *asked], input="yes\n", capture_output=True, text=True, check=False)
+        typed = "wheels off the ground\nmotor_RF\nmotor_LF\n"
+        done = subprocess.run([sys.executable, *asked], input=typed, capture_output=True, text=True, check=False)
+        bench.terminate()
+    assert (refused.returncode, "Nothing was moved" in refused.stderr) == (2, True)
+    assert (done.returncode, done.stderr) == (0, "")
+    ports = read_ports(file)
+    assert list(ports.vesc.values()) == ["motor_RF", "motor_LF"]  # as they were named, whatever they say themselves
+    assert list(ports.timeout_s) == list(ports.vesc)
+    assert all(0.2 < seconds < 0.3 for seconds in ports.timeout_s.values())

@@ -16,6 +16,7 @@ from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario.library import find
+from tests.on_thread import wait_for
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
@@ -186,7 +187,7 @@ WRONG = [
         "leave one of them out.",
     ),
     (("run", "urov_teleop", "--role", "topside", "--speed", "4"), "runs alone, in real time only", "--speed real"),
-    ((*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4"), "uses real devices, which run in real time only", "Try: "),
+    ((*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4"), "has devices that run in real time only", "Try: "),
     ((*RUN, "--io", "mcu:/dev/ttyNowhere"), "no serial port /dev/ttyNowhere", "Try: "),
     ((*RUN, "--io", "mcu"), "mcu:PORT", "Try: "),
     ((*RUN, "--io", "maestro:/dev/null,crc=perhaps"), "crc=yes or crc=no", "Try: "),
@@ -588,6 +589,7 @@ def test_a_live_run_is_shown_in_the_browser(here: Path) -> None:
         assert url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(url, timeout=60) as answer:
             assert "canvas" in answer.read().decode()
+        wait_for(lambda: any(path.stat().st_size > 2000 for path in here.glob("runs/*/trace.jsonl")))  # the run began
         process.terminate()
         out, err = process.communicate(timeout=60)
     assert "interrupted" in out

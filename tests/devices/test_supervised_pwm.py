@@ -15,20 +15,20 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory
+from snr_sim.devices.output_supervisor import OutputSupervisor
 from snr_sim.devices.pwm.passive_pwm import PassivePwm
 from snr_sim.devices.pwm.pca9685 import Pca9685
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
-from snr_sim.devices.pwm.pwm_supervisor import OutputSupervisor
+from snr_sim.devices.pwm.pwm_supervisor import PwmSupervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.wire.lease_messages import (
+    CODEC,
     ArmOutputs,
     DisarmOutputs,
     LeaseStatus,
     Message,
     OpenOutputs,
     SupervisorPort,
-    decode,
-    encode,
 )
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
@@ -45,15 +45,15 @@ GENEROUS_S = 60.0
 class Line:
     """A supervisor without a process: it executes orders at once."""
 
-    def __init__(self, now_s: Callable[[], float]) -> None:
-        self.supervisor = OutputSupervisor(now_s)
+    def __init__(self, supervisor: OutputSupervisor[Any], hold: Callable[[float], None] = lambda seconds: None) -> None:
+        self.supervisor, self._hold = supervisor, hold
         self._answers: list[LeaseStatus] = []
         self.is_silent = self.is_dead = False
 
     def write(self, order: Message) -> None:
         self._check()
         if not self.is_silent:
-            self._answers.append(self.supervisor.execute(decode(encode(order))))
+            self._answers.append(self.supervisor.execute(CODEC.decode(CODEC.encode(order))))
 
     def read(self) -> list[LeaseStatus]:
         self._check()
@@ -65,7 +65,7 @@ class Line:
 
     def close(self) -> None:
         if not self.is_dead:
-            self.supervisor.end(lambda seconds: None)
+            self.supervisor.end(self._hold)
 
     def _check(self) -> None:
         if self.is_dead:
@@ -81,7 +81,7 @@ class Bench(I2cBench):
         self.time_s = 100.0
         self.part = FakePca9685()
         super().__init__({0x40: self.part})
-        self.line = Line(self.now_s)
+        self.line = Line(PwmSupervisor(self.now_s))
         opener = ModuleType("bench_of_this_test")
         opener.open = self._chip  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, opener.__name__, opener)
@@ -96,7 +96,7 @@ class Bench(I2cBench):
         )
 
     def _line(self) -> Line:
-        self.line = Line(self.now_s)
+        self.line = Line(PwmSupervisor(self.now_s))
         return self.line
 
     def armed(self) -> SupervisedPwm:
@@ -214,7 +214,7 @@ def test_supervised_pwm_dead_supervisor_is_neutral_until_rearmed(bench: Bench) -
 @pytest.mark.parametrize("data", [b"abc", b'{"type":"Arx"}'])
 def test_decode_invalid_bytes_raises_device_error(data: bytes) -> None:
     with pytest.raises(DeviceError, match="is not a supervisor message"):
-        decode(data)
+        CODEC.decode(data)
 
 
 def write_indefinitely(port: SupervisorPort) -> None:
@@ -237,10 +237,10 @@ def test_supervisor_port_hung_or_ended_process_raises_at_once() -> None:
 
 
 def test_supervisor_order_before_open_returns_error_with_fix() -> None:
-    answer = OutputSupervisor(lambda: 0.0).execute(ArmOutputs())
+    answer = PwmSupervisor(lambda: 0.0).execute(ArmOutputs())
     assert (answer.state, answer.reason) == ("error", "These outputs are not open.")
     with pytest.raises(DeviceError, match="at most 8192"):
-        encode(OpenOutputs("x:y", ["z" * 9000]))
+        CODEC.encode(OpenOutputs("x:y", ["z" * 9000]))
 
 
 # From here on with real processes.
@@ -362,7 +362,7 @@ def test_h9_killed_supervisor_is_neutral_by_watchdog_and_next_reclaims(
 
 
 def pid_of(out: SupervisedPwm) -> int:
-    line: Any = out._line
+    line: Any = out._client.line
     return int(line.pid)
 
 
@@ -425,6 +425,6 @@ def test_supervisor_open_failure_reports_its_error_and_ends(
     with pytest.raises(DeviceError, match="pwm0 is in use: another program has exported it") as e:
         out.configure()
     assert "unexport" in e.value.fix
-    assert out._line is None
+    assert out._client.line is None
     assert capfd.readouterr().err == ""  # a message about neutral needs outputs that were held
     out.close()

@@ -8,6 +8,7 @@ import pytest
 
 from snr_sim.devices.emulated.emulated_vesc import ScriptedFault
 from snr_sim.devices.emulated.vesc_plant import TICK_S, VescPlant
+from snr_sim.devices.motors.motor_backend import RELEASE_S
 from snr_sim.devices.motors.vesc_line import ANSWER_S, VescLine
 from snr_sim.devices.motors.vesc_motors import FRESH_S, VescMotors, VescSensor
 from snr_sim.devices.wire.vesc_messages import Firmware
@@ -122,6 +123,8 @@ def test_motors_brake_until_active_and_after_their_end() -> None:
     motors.activate()
     motors.write(DriveCommand("speed", [2.0, 2.0]))
     motors.close()
+    assert bench.do("motor_RF") == ("current", 0.0)
+    bench.advance(TIMEOUT_S + 2 * TICK_S)
     assert bench.do("motor_RF") == ("brake", NEUTRAL_BRAKE_A)
     with pytest.raises(DeviceError, match="were closed"):
         motors.write(DriveCommand())
@@ -263,6 +266,9 @@ def test_wire_that_is_gone_stops_all_until_they_are_configured_and_activated() -
     bench.plant.unplug("motor_LF")
     assert motors.write(command) == DriveCommand("speed")
     assert motors.health() == Health("error", "/dev/ttyACM0 is gone: it was unplugged.", {"unsent": 2})
+    assert bench.do("motor_RF") == ("current", 0.0)
+    bench.advance(RELEASE_S)
+    motors.neutral()
     assert bench.do("motor_RF") == ("brake", NEUTRAL_BRAKE_A)
     with pytest.raises(DeviceError, match="no serial port /dev/ttyACM0"):
         motors.configure()
@@ -283,7 +289,26 @@ def test_controller_that_must_be_closed_stops_all_with_the_reason() -> None:
     lost["motor_RF"] = "Two are named so."
     motors.write(DriveCommand("speed", [2.0, 2.0]))
     assert (motors.health().reason, stale(sensors[1].read())) == ("Two are named so.", "Two are named so.")
+    assert bench.do("motor_LF") == ("current", 0.0)
+    bench.advance(RELEASE_S)
+    motors.neutral()
     assert bench.do("motor_LF") == ("brake", NEUTRAL_BRAKE_A)
+
+
+def test_motors_are_not_armed_before_the_timeouts_of_their_controllers_are_measured() -> None:
+    bench = Bench()
+    chips: dict[str, float] = {}
+    motors = bench.motors(timeouts_s=chips)
+    motors.configure()
+    for line in motors._lines:
+        with pytest.raises(DeviceError, match=rf"{line.title} \(chip {line.chip}\) was never(.|\n)*unproven=yes"):
+            motors.activate()
+        assert motors.write(DriveCommand("speed", [2.0, 2.0])).values == []
+        assert bench.do("motor_LF")[0] == "brake"
+        chips[line.chip] = 0.25
+        motors.configure()
+    motors.activate()
+    assert motors.health().state == "active"
 
 
 def test_command_that_is_valid_no_longer_is_neutral() -> None:

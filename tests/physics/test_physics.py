@@ -50,8 +50,8 @@ def errors_alike(page: Any, case: Any, steps_s: Sequence[float]) -> None:
 
 
 def every_case(later_lane: Any) -> Any:
-    """Return all cases as parameters; two of three, and the long ones, run in a later lane."""
-    marked = [(page, case, [later_lane] if i % 3 or case.is_long else []) for i, (page, case) in enumerate(CASES)]
+    """Return all cases as parameters; four of five, and the long ones, run in a later lane."""
+    marked = [(page, case, [later_lane] if i % 5 or case.is_long else []) for i, (page, case) in enumerate(CASES)]
     params = [pytest.param(page, case, id=f"{page.robot}: {case.name}", marks=marks) for page, case, marks in marked]
     return pytest.mark.parametrize(("page", "case"), params)
 

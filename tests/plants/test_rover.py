@@ -22,6 +22,7 @@ from snr_sim.plants.ground.terramechanics import DRY_SAND, Coulomb
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownNameError
 from snr_sim.prelude.ground_signals import DriveCommand
 from snr_sim.testing.contracts import check_plant
+from tests.lanes import slow
 
 FILE = Path(__file__).parents[2] / "robots" / "rover" / "vehicles" / "competition.toml"
 VEHICLE = read_rover(FILE)
@@ -62,8 +63,16 @@ def test_rover_implements_plant(world: str, body: type[Rover]) -> None:
 
 
 @pytest.mark.parametrize("body", BODIES)
-@pytest.mark.parametrize("world", WORLDS)
-@pytest.mark.parametrize("mode", ["speed", "current", "duty", "brake"])
+@pytest.mark.parametrize(
+    ("world", "mode"),
+    [
+        *((world, "speed") for world in WORLDS),
+        ("hills", "current"),
+        ("hills", "brake"),
+        *(slow(world, mode) for world in ("sand", "rocks") for mode in ("current", "brake")),
+        *(slow(world, "duty") for world in WORLDS),
+    ],
+)
 def test_restored_run_continues_bit_for_bit(world: str, mode: str, body: type[Rover]) -> None:
     value = {"speed": 8.0, "current": 3.0, "duty": 0.9, "brake": 4.0}[mode]
     rover = go(go(WORLDS[world](body), 0.3, AHEAD), 0.301, DriveCommand(mode, [value] * 5 + [-value]))

@@ -33,10 +33,10 @@ def test_wake_before_a_wait_ends_it_and_only_that_one() -> None:
 
 
 def test_short_wait_ends_after_wake_up_for_an_item_that_is_gone() -> None:
-    """With `SimpleQueue` in the place of `TimedQueue` this test does not end in Python 3.11 and 3.12."""
+    """With `SimpleQueue` in the place of `TimedQueue` this does not end in Python 3.11 and 3.12, within 50 rounds."""
     queue: TimedQueue[int] = TimedQueue()
     rng = random.Random(0)
-    for i in range(100_000):
+    for i in range(10_000):
         queue.put(i)
         assert queue.get(0.1) == i
         with suppress(Empty):

@@ -22,7 +22,7 @@ from snr_sim.scenario.machine_controller import bridge_of
 from snr_sim.scenario.machine_lag import lag_of
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, SimulationRun, run_recorded
-from tests.lanes import slow
+from tests.lanes import nightly, slow
 from tests.scenarios.recorded import simulate
 
 RecordScenario: TypeAlias = Callable[..., Any]
@@ -60,9 +60,9 @@ def test_own_programs_are_found() -> None:
     [
         "dora_room pymunk 0",
         slow("dora_corners pymunk 0"),
-        slow("dora_corners pymunk 1"),
+        nightly("dora_corners pymunk 1"),
         slow("dora_people pymunk 0"),
-        slow("dora_people pymunk 1"),
+        nightly("dora_people pymunk 1"),
     ],
 )
 def test_room_is_explored(recorded: str, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, SimulationRun
-from tests.lanes import slow
+from tests.lanes import nightly, slow
 from tests.scenarios.recorded import simulate
 
 ROVER = library.find("robots", "rover")
@@ -103,7 +103,7 @@ def test_invalid_command_is_reported(tmp_path: Path, data: str, message: str) ->
     assert message in result.error
 
 
-@pytest.mark.parametrize("engine", ["pymunk", slow("mujoco")])
+@pytest.mark.parametrize("engine", [slow("pymunk"), nightly("mujoco")])
 def test_template_drives_up_into_the_sand(engine: str) -> None:
     result, plant = run(ROVER.path / "controller_template.py", engine=engine)
     assert result.outcome in ("timeout", "off course")

@@ -16,7 +16,7 @@ from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import SimulationRun
-from tests.lanes import slow
+from tests.lanes import nightly, slow
 from tests.scenarios.recorded import simulate
 
 library.load_robot(library.find("robots", "rover"))
@@ -117,8 +117,8 @@ def test_odometry_of_no_wheel_stands() -> None:
         slow("rover_dead_motor pymunk 1", "drags"),
         slow("rover_dead_motor pymunk 2", "silent"),
         slow("rover_dead_motor mujoco 0", "dead"),
-        slow("rover_dead_motor mujoco 1", "drags"),
-        slow("rover_dead_motor mujoco 2", "silent"),
+        nightly("rover_dead_motor mujoco 1", "drags"),
+        nightly("rover_dead_motor mujoco 2", "silent"),
     ],
 )
 def test_broken_motor_is_found_in_time_and_the_rover_keeps_its_line(run: str, fault: str, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Request, prepare
-from tests.lanes import slow
+from tests.lanes import nightly, slow
 from tests.scenarios.recorded import (
     DIGESTS,
     PACKAGES,
@@ -79,11 +79,11 @@ def runs() -> list[str]:
 
 
 def in_its_lane(run: str) -> Any:
-    """Return a run with its lane: landings are quick; of others, a scenario's last seed is tried at night."""
-    is_first, is_last = run.endswith(f" {SEEDS[0]}"), run.endswith(f" {SEEDS[-1]}")
-    if run in ELSEWHERE or (is_last and not run.startswith("lander")):
-        return pytest.param(run, marks=pytest.mark.nightly)
-    return run if run.startswith("lander") and is_first else slow(run)
+    """Return a run with its lane: landings are quick; of others, a scenario's first seed is tried before the night."""
+    is_first, is_quick = run.endswith(f" {SEEDS[0]}"), run.startswith("lander")
+    if run in ELSEWHERE or not (is_first or is_quick):
+        return nightly(run)
+    return run if is_first and is_quick else slow(run)
 
 
 # The runs of the file, as `runs` reads all robots and scenarios, whichever tests are run.

@@ -52,12 +52,13 @@ class Good(MotorBackend):
     def put(self, command: DriveCommand, until_s: float) -> bool:
         if self.bench.unplugged:
             self.fail("A wire is out.")
-            return False
+            if command.mode != "off":
+                return False
         self.bench.commands = [(command.mode, value) for value in command.values]
         self.bench.until_s = until_s
         return True
 
-    def neutral(self) -> None:
+    def brake(self) -> None:
         self.bench.commands = [BRAKE] * 3
 
     def on_configure(self) -> None:
@@ -105,8 +106,19 @@ class LosesLastOne(Good):
 
 
 class RollsFreely(Good):
+    def brake(self) -> None:
+        self.put(DriveCommand("off", [0.0] * 3), self.bench.time_s + 1e9)
+
+
+class BrakesAtOnce(Good):
     def neutral(self) -> None:
-        self.bench.commands = [("off", 0.0)] * 3
+        self.brake()
+
+
+class StartsOver(Good):
+    def neutral(self) -> None:
+        self._is_driven = True
+        super().neutral()
 
 
 class FollowsLateCommands(Good):
@@ -118,7 +130,7 @@ class FollowsLateCommands(Good):
 
 class HasNoLease(Good):
     def put(self, command: DriveCommand, until_s: float) -> bool:
-        return super().put(command, until_s + 1e9)
+        return super().put(command, until_s if command.mode == "off" else until_s + 1e9)
 
 
 class SwapsWheels(Good):
@@ -139,10 +151,10 @@ class HidesLoss(Good):
 
 
 class RaisesWhenUnplugged(Good):
-    def neutral(self) -> None:
+    def brake(self) -> None:
         if self.bench.unplugged:
             raise DeviceError("A wire is out.")
-        super().neutral()
+        super().brake()
 
 
 @pytest.mark.parametrize(
@@ -151,8 +163,10 @@ class RaisesWhenUnplugged(Good):
         (DrivesWhileInactive, "before activate.*is answered by .* not by neutral"),
         (RemembersCommands, "activated, and not commanded since, motor 0 does speed"),
         (DoesNotClamp, "limits are|limits of"),
-        (LosesLastOne, "was refused, motor 0 does brake"),
+        (LosesLastOne, "was refused, motor 0 does off"),
         (RollsFreely, "after neutral.*motor 0 does off"),
+        (BrakesAtOnce, "after neutral.*motor 0 does brake 4.0, and must turn freely"),
+        (StartsOver, "0.12 s later, after neutral.*motor 0 does off"),
         (FollowsLateCommands, "a command until .* is answered by"),
         (HasNoLease, "after the last command, motor 0 does speed"),
         (SwapsWheels, "motor 0 does speed 3.0, not speed 2.0"),

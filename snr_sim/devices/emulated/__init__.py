@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from snr_sim.devices.emulated.board import Board as Board
     from snr_sim.devices.emulated.board import EmulatedPort as EmulatedPort
     from snr_sim.devices.emulated.lock_step import ProcessorInLoopPlant as ProcessorInLoopPlant
+    from snr_sim.devices.emulated.pty_plant import PtyPlant as PtyPlant
     from snr_sim.devices.emulated.toolchain import firmware_elf as firmware_elf
     from snr_sim.devices.emulated.vesc_plant import Replug as Replug
     from snr_sim.devices.emulated.vesc_plant import VescPlant as VescPlant

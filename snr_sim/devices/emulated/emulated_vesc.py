@@ -25,6 +25,7 @@ FaultKind: TypeAlias = Literal["mute", "garbage", "slow", "wrong_name", "brown_o
 
 _TEMPERATURE_C = 25.0  # nothing here warms up
 _CHIP_BYTES = 12
+_FIRMWARE: dict[vesc.Dialect, str] = {"seed": "2.18", "stock": "5.3"}
 _MODES: dict[type[Any], DriveMode] = {
     vesc.SetDuty: "duty",
     vesc.SetCurrent: "current",
@@ -175,6 +176,17 @@ class EmulatedVesc:
             temperature_c=_TEMPERATURE_C,
             fault=fault.text if fault else "none",
         )
+
+
+def make_controller(
+    motor: DrivenMotor,
+    name: str,
+    erpm_per_rpm: float,
+    dialect: vesc.Dialect = "stock",
+    faults: Sequence[ScriptedFault] = (),
+) -> EmulatedVesc:
+    """Return a controller with the usual firmware of its dialect."""
+    return EmulatedVesc(motor, name, erpm_per_rpm, dialect, _FIRMWARE[dialect], faults=faults)
 
 
 def _angle(turned_rad: float) -> float:

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Any
 
 from snr_sim.devices.emulated.board import Board, EmulatedPort
+from snr_sim.devices.emulated.wrapped_plant import WrappedPlant
 from snr_sim.devices.mcu.mcu import PowerScale
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.pwm_backend import STOP_US
-from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import PwmCommand
 
@@ -23,8 +23,8 @@ STEP_S = 0.01
 SIGNAL_TIMEOUT_US = 50_000.0  # without a pulse for this time, a speed controller assumes that the signal is lost
 
 
-class ProcessorInLoopPlant:
-    """A plant and a board in lock step. Implements `Plant` except `snapshot`; what is missing here is the plant's.
+class ProcessorInLoopPlant(WrappedPlant):
+    """A plant and a board in lock step.
 
     Args:
         plant: the driven plant.
@@ -37,10 +37,12 @@ class ProcessorInLoopPlant:
         up_s: how long the board has been powered before the start.
 
     Attributes:
-        plant: the plant itself.
         board: the board.
         mcu: the board as the robot's computer sees it, over its serial line.
     """
+
+    driver = ("the board's pins", "command it over the serial line.")
+    devices = "An emulated board"
 
     def __init__(
         self,
@@ -53,7 +55,7 @@ class ProcessorInLoopPlant:
         scale: PowerScale = PowerScale(),  # noqa: B008
         up_s: float = 0.0,
     ) -> None:
-        self.plant: Plant = plant
+        super().__init__(plant, input_name)
         self._open_board, self._channels, self._input, self._command_of = open_board, channels, input_name, command_of
         self._power, self._scale, self._up_s = power, scale, up_s
         self._pulses_us: list[float] | None = None
@@ -68,9 +70,6 @@ class ProcessorInLoopPlant:
         self.mcu: McuBoard = McuBoard(
             lambda: EmulatedPort(board), lambda: self.plant.time_s, lambda: board.now_us * 1e-6, session=1
         )
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.plant, name)
 
     @property
     def engine(self) -> str:
@@ -113,17 +112,3 @@ class ProcessorInLoopPlant:
         if pulses_us != self._pulses_us:
             self._pulses_us = pulses_us
             self.plant.write(self._input, self._command_of(pulses_us))
-
-    def write(self, name: str, command: Any) -> None:
-        """Write an input; raise a PlantError for the one that the pins drive."""
-        if name == self._input:
-            raise PlantError(f"'{name}' is driven by the board's pins.", fix="command it over the serial line.")
-        self.plant.write(name, command)
-
-    def snapshot(self) -> Any:
-        """Raise a PlantError: simavr cannot restore a state."""
-        raise PlantError("An emulated board cannot be reset to an earlier state.", fix="use --io sim for this.")
-
-    def restore(self, snapshot: Any) -> None:
-        """Raise a PlantError, as there is no snapshot."""
-        self.snapshot()

@@ -8,19 +8,20 @@ Their ports are those of a bus whose plugs can be pulled, and put into other soc
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc, ScriptedFault
+from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc, ScriptedFault, make_controller
+from snr_sim.devices.emulated.wrapped_plant import WrappedPlant
 from snr_sim.devices.wire.serial_port import PortInfo
 from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import DeviceError, PlantError
+from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.ground_signals import DriveCommand, DriveMode, MotorReading
 from snr_sim.prelude.plant import Plant
 
-_FIRMWARE: dict[Dialect, str] = {"seed": "2.18", "stock": "5.3"}
 TICK_S = 0.01  # how often a controller looks whether its timeout is over, as VESC firmware does; commands act at once
 
 
@@ -81,19 +82,83 @@ class Replug(NamedTuple):
     socket: str  # the motor that was plugged in there at the start
 
 
-class VescPlant:
-    """A plant and its controllers in lock step. Implements `Plant` except `snapshot`; what is missing is the plant's.
+class ControllerPlant(WrappedPlant, ABC):
+    """A plant and the controllers of its motors, with plugs that are pulled and put back.
 
     Args:
         plant: with an input and an output of each motor's name.
         motors: their names.
         erpm_per_rpm: see `VescCodec`.
-        faults: what goes wrong, by motor.
         replugs: which plugs are pulled, and where they are put; a socket must be free by then.
         dialect: of the controllers.
+    """
 
-    Attributes:
-        plant: the plant itself.
+    driver = ("emulated controllers", "command them over their ports.")
+    devices = "Emulated controllers"
+
+    def __init__(
+        self,
+        plant: Plant,
+        motors: Sequence[str],
+        erpm_per_rpm: float,
+        replugs: Sequence[Replug] = (),
+        dialect: Dialect = "stock",
+    ) -> None:
+        super().__init__(plant)
+        self._motors, self._erpm_per_rpm = tuple(motors), erpm_per_rpm
+        self._replugs, self._dialect = tuple(replugs), dialect
+        self.power_up()
+
+    def power_up(self) -> None:
+        """Begin with all controllers on, and their plugs in."""
+        self._tick_s = 0.0
+        events = [(one.out_s, "", one) for one in self._replugs] + [
+            (one.in_s, one.socket, one) for one in self._replugs
+        ]
+        self._events = sorted(events, key=lambda event: event[0])
+
+    @property
+    def engine(self) -> str:
+        """Names of the plant's simulation, and what is emulated."""
+        return f"{self.plant.engine}, emulated VESC"
+
+    def reset(self, seed: int) -> None:
+        """Reset the plant, and power up new controllers."""
+        self.plant.reset(seed)
+        self.power_up()
+
+    def step(self, dt_s: float) -> None:
+        """Advance both: first the controllers, then the plant."""
+        now_s = self.plant.time_s
+        while self._events and now_s >= self._events[0][0] - 1e-9:
+            _, socket, replug = self._events.pop(0)
+            if socket:
+                self.plug_in(replug.motor, socket)
+            else:
+                self.unplug(replug.motor)
+        if now_s >= self._tick_s:
+            self._tick_s = now_s + TICK_S - 1e-9  # not a step later, by rounding
+            self.tick()
+        self.plant.step(dt_s)
+
+    @abstractmethod
+    def unplug(self, motor: str) -> None:
+        """Pull the plug of a motor's controller."""
+
+    @abstractmethod
+    def plug_in(self, motor: str, socket: str) -> None:
+        """Put it into the socket that was that of another motor's controller at the start, or its own."""
+
+    @abstractmethod
+    def tick(self) -> None:
+        """Let the controllers do what is due; called every `TICK_S`."""
+
+
+class VescPlant(ControllerPlant):
+    """The controllers in memory, in lock step with the plant.
+
+    Args:
+        faults: what goes wrong, by motor.
     """
 
     def __init__(
@@ -105,28 +170,23 @@ class VescPlant:
         replugs: Sequence[Replug] = (),
         dialect: Dialect = "stock",
     ) -> None:
-        self.plant: Plant = plant
-        self._motors, self._erpm_per_rpm, self._faults = tuple(motors), erpm_per_rpm, faults or {}
-        self._replugs, self._dialect = tuple(replugs), dialect
-        self._power_up()
+        self._faults = faults or {}
+        super().__init__(plant, motors, erpm_per_rpm, replugs, dialect)
 
-    def _power_up(self) -> None:
+    def power_up(self) -> None:
+        """Begin with new controllers."""
+        super().power_up()
+
         def controller(name: str) -> EmulatedVesc:
             motor, faults = _PlantMotor(self.plant, name), self._faults.get(name, ())
-            firmware = _FIRMWARE[self._dialect]
-            return EmulatedVesc(motor, name, self._erpm_per_rpm, self._dialect, firmware, faults=faults)
+            return make_controller(motor, name, self._erpm_per_rpm, self._dialect, faults)
 
         self._controllers = {name: controller(name) for name in self._motors}
-        self._tick_s = 0.0
         self._plugged: dict[PortInfo, str] = {}  # which motor's controller
         self._plugs: dict[str, object] = {}  # another one each time that a motor's controller is plugged in
         self._ports: dict[str, VescPort] = {}
         for name in self._motors:
             self.plug_in(name, name)
-        events = [(one.out_s, "", one) for one in self._replugs] + [
-            (one.in_s, one.socket, one) for one in self._replugs
-        ]
-        self._events = sorted(events, key=lambda event: event[0])
 
     def list_ports(self) -> list[PortInfo]:
         """Return the ports that are plugged in now."""
@@ -155,55 +215,17 @@ class VescPlant:
         del self._plugs[motor]
 
     def plug_in(self, motor: str, socket: str) -> None:
-        """Put it into the socket that was that of another motor's controller at the start, or its own.
-
-        As under Linux, it gets the first device file that is free.
-        """
+        """Put it into a socket. As under Linux, it gets the first device file that is free."""
         taken = {info.path for info in self._plugged}
         path = next(path for path in (f"/dev/ttyACM{i}" for i in count()) if path not in taken)
         self._plugs[motor] = object()
         self._plugged[PortInfo(path, usb_path=f"1-1.{self._motors.index(socket) + 1}")] = motor
         self._connect(motor, path)  # a controller runs, whether its port is used or not
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.plant, name)
-
-    @property
-    def engine(self) -> str:
-        """Names of the plant's simulation, and what is emulated."""
-        return f"{self.plant.engine}, emulated VESC"
-
-    def reset(self, seed: int) -> None:
-        """Reset the plant, and power up new controllers."""
-        self.plant.reset(seed)
-        self._power_up()
-
-    def step(self, dt_s: float) -> None:
-        """Advance both: first the controllers, then the plant."""
-        now_s = self.plant.time_s
-        while self._events and now_s >= self._events[0][0] - 1e-9:
-            _, socket, replug = self._events.pop(0)
-            if socket:
-                self.plug_in(replug.motor, socket)
-            else:
-                self.unplug(replug.motor)
-        if now_s >= self._tick_s:
-            self._tick_s = now_s + TICK_S - 1e-9  # not a step later, by rounding
-            for port in self._ports.values():
-                port.tick()
-        self.plant.step(dt_s)
-
-    def write(self, name: str, command: Any) -> None:
-        """Raise a PlantError: the controllers drive the motors."""
-        raise PlantError(f"'{name}' is driven by emulated controllers.", fix="command them over their ports.")
-
-    def snapshot(self) -> Any:
-        """Raise a PlantError: controllers cannot restore a state."""
-        raise PlantError("Emulated controllers cannot be reset to an earlier state.", fix="use --io sim for this.")
-
-    def restore(self, snapshot: Any) -> None:
-        """Raise a PlantError, as there is no snapshot."""
-        self.snapshot()
+    def tick(self) -> None:
+        """Let the controllers do what is due by now."""
+        for port in self._ports.values():
+            port.tick()
 
 
 class _PlantMotor:

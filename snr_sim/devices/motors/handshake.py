@@ -18,7 +18,7 @@ TRIES = 4
 FIRMWARE_S = 0.1  # a controller answers within a millisecond
 _MAX_NAME = 64
 _SHOWN = 16  # bytes of a bad answer
-_SAME_S = 1e-9  # times closer than this are equal, to allow for rounding
+SAME_S = 1e-9  # times closer than this are equal, to allow for rounding
 
 
 class Handshake:
@@ -60,7 +60,7 @@ class Handshake:
         if self._asked and not self.is_done:
             self._received = (self._received + data)[:_SHOWN]
             self._listen(data, now_s)
-        elapsed_s = now_s - self._asked_s + _SAME_S
+        elapsed_s = now_s - self._asked_s + SAME_S
         is_waiting = self._asked and elapsed_s < (TRY_S if self._asked <= TRIES else FIRMWARE_S)
         return b"" if self.is_done or is_waiting else self._ask(now_s)
 

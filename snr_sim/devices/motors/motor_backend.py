@@ -1,7 +1,7 @@
 """Motors of all wheels: their base checks commands, clamps them, and gives each a lease. Below it those of a plant.
 
 As with all actuators, `activate` arms them: what was commanded before is not done after it. Each command is a lease: a
-wheel without a newer one brakes.
+wheel without a newer one goes to neutral, which takes two steps and is described at `MotorBackend.neutral`.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from typing import Any
 import msgspec
 
 from snr_sim.devices.commands import check_finite
+from snr_sim.devices.motors.handshake import SAME_S
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import CommandError, DeviceError, suggest
-from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.ground_signals import DriveCommand, DriveMode
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.plant import Plant
 
-OFF = "off"
+OFF: DriveMode = "off"
+RELEASE_S = 0.1  # without current, until a driven wheel brakes: the reversal of torque spares its gears [O]
+TIMEOUT_S = LEASE_S + 0.05  # controllers brake by themselves after it, if they have received nothing newer
 
 
 class MotorBackend(LifeCycle):
-    """Motors. Implements `Actuator`; a backend implements `put`, `neutral` and its steps of the life cycle.
-
-    Neutral is a brake, since a rover that rolls freely drives down a slope.
+    """Motors. Implements `Actuator`; a backend implements `put`, `brake` and its steps of the life cycle.
 
     Args:
         now_s: the clock of leases.
@@ -39,6 +40,8 @@ class MotorBackend(LifeCycle):
     def __init__(self, now_s: Callable[[], float], count: int, limits: Mapping[str, float]) -> None:
         self._now_s, self._count, self._limits = now_s, count, dict(limits)
         self._mode = "speed"
+        self._is_driven = False
+        self._released_s = -math.inf
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -67,6 +70,7 @@ class MotorBackend(LifeCycle):
                 largest = self._limits[command.mode]
                 values = [min(largest, max(-largest, value)) for value in command.values]
                 command = msgspec.structs.replace(command, values=values)
+            self._is_driven, self._released_s = command.mode not in ("brake", OFF), -math.inf
             if self.put(command, min(command.until_s, now_s + LEASE_S)):
                 return command
         self.neutral()
@@ -90,19 +94,34 @@ class MotorBackend(LifeCycle):
             check_finite(f"drive.values[{i}]", value, (-largest, largest))
 
     def put(self, command: DriveCommand, until_s: float) -> bool:
-        """Send a command with values, which are inside all limits; return False if it is not done, and all must brake.
+        """Send a command with values, which are inside all limits; return False if it is not done, and all must stop.
 
         Args:
             until_s: end of its lease.
         """
         raise NotImplementedError(f"{type(self).__name__} needs a method put(self, command, until_s)")
 
+    def brake(self) -> None:
+        """Brake with the current of neutral, also after `close`. Never raises."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method brake(self)")
+
     def neutral(self) -> None:
-        """Brake, also after `close`."""
-        raise NotImplementedError(f"{type(self).__name__} needs a method neutral(self)")
+        """Let wheels that were driven turn freely for `RELEASE_S`, and brake in calls after that, also after `close`.
+
+        It ends in a brake, since a rover that rolls freely drives down a slope. Call it every few hundredths of a
+        second: a controller that receives nothing more brakes after a timeout of its own, which is longer.
+        """
+        now_s = self._now_s()
+        if self._is_driven:
+            self._is_driven, self._released_s = False, now_s
+        until_s = self._released_s + RELEASE_S
+        if now_s < until_s - SAME_S:
+            self.put(DriveCommand(OFF, [0.0] * self._count), until_s)
+        else:
+            self.brake()
 
     def on_deactivate(self, reason: str) -> None:
-        """Brake."""
+        """Go to neutral."""
         self.neutral()
 
 
@@ -116,14 +135,15 @@ class SimMotors(MotorBackend):
         self._plant = plant
 
     def put(self, command: DriveCommand, until_s: float) -> bool:
-        """Write the command to the plant."""
-        self._plant.write("drive", msgspec.structs.replace(command, until_s=until_s))
+        """Write the command to the plant, which brakes when its lease has been over for some time."""
+        late_s = 0.0 if command.mode == OFF else TIMEOUT_S - LEASE_S
+        self._plant.write("drive", msgspec.structs.replace(command, until_s=until_s + late_s))
         return True
 
-    def neutral(self) -> None:
-        """Write the neutral command."""
+    def brake(self) -> None:
+        """Write the neutral command, which is a brake in a plant."""
         self._plant.write("drive", DriveCommand())
 
     def on_close(self) -> None:
-        """Brake, also if they were never active."""
+        """Go to neutral, also if they were never active."""
         self.neutral()

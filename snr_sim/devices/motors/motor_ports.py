@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
-from snr_sim.devices.motors.handshake import Handshake
+from snr_sim.devices.motors.handshake import SAME_S, Handshake
 from snr_sim.devices.motors.port_watch import PortWatch
 from snr_sim.devices.wire.serial_port import BytePort, PortInfo
 from snr_sim.prelude.errors import DeviceError
@@ -95,7 +95,7 @@ class MotorPorts:
             self._ports[identity] = port = _Port(info)
             self._ask(port)
         for port in self._ports.values():
-            if now_s >= port.again_s:
+            if now_s >= port.again_s - SAME_S:
                 self._ask(port)
             port.step(now_s)
         for name in sorted({port.name for port in self._ports.values() if port.is_used}):

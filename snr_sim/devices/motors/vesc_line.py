@@ -37,6 +37,7 @@ class VescLine:
         measured_s: when they were asked for, by `now_s`: they are not older. None before the first.
         junk_bytes: received since then that are not its answer.
         fault: as text, why the port is not open.
+        chip: number of the controller's processor, as hexadecimal text; empty before it was open.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class VescLine:
         self.values: vesc.MotorValues | None = None
         self.measured_s: float | None = None
         self.junk_bytes: int = 0
+        self.chip: str = ""
         self.fault: str = f"{self.title} has not been opened."
         self.now_s: Callable[[], float] = now_s
         self._open_port = open_port
@@ -60,6 +62,11 @@ class VescLine:
         self._asked_s: float | None = None  # None: nothing is waited for
         self._users: set[int] = set()
         self._lock = threading.RLock()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether its port is open."""
+        return self._port is not None
 
     def open(self, user: object) -> None:
         """Open the port and ask for the firmware, if not done yet, for a device that needs it.
@@ -72,7 +79,9 @@ class VescLine:
             if self._port is None:
                 self._port, self._frames, self._asked_s = self._open_port(), VescFrames(), None
                 with self._open_wire() as port:
-                    self._codec.set_firmware(self._ask_firmware(port), self.title)
+                    firmware = self._ask_firmware(port)
+                    self.chip = firmware.chip.hex()
+                    self._codec.set_firmware(firmware, self.title)
 
     def release(self, user: object) -> None:
         """Release the port for one device. Safe to call twice."""
@@ -90,6 +99,11 @@ class VescLine:
         """Send a message; raise a DeviceError if the port is not open, or is gone, which closes it."""
         with self._open_wire() as port:
             port.write(encode(self._codec.encode(message)))
+
+    def wait(self, seconds: float) -> bool:
+        """Return whether bytes have arrived, as soon as they have; errors as in `send`."""
+        with self._open_wire() as port:
+            return port.wait(seconds)
 
     def update(self) -> None:
         """Take the answer that has arrived, and ask for the next values; errors as in `send`.

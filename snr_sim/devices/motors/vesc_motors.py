@@ -39,6 +39,7 @@ class VescMotors(MotorBackend):
             `configure` has found all of them and `activate` was called. "continue": the others are driven; the lost
             one is opened again by a command for neutral.
         poll: returns the names of controllers whose ports must be closed, and why: see `MotorPorts.poll`.
+        timeouts_s: measured timeouts by chip number; motors whose controller has none are not armed. None: all are.
     """
 
     title = "The motors' controllers"
@@ -50,10 +51,12 @@ class VescMotors(MotorBackend):
         neutral_a: float,
         on_lost_wheel: Literal["neutral", "continue"] = "neutral",
         poll: Callable[[], Mapping[str, str]] = dict,
+        timeouts_s: Mapping[str, float] | None = None,
     ) -> None:
         super().__init__(lines[0].now_s, len(lines), limits)
         self._lines, self._neutral_a = tuple(lines), neutral_a
         self._stops_all, self._poll = on_lost_wheel == "neutral", poll
+        self._timeouts_s = timeouts_s
         self._unsent = 0
         self._opened_s = -math.inf
 
@@ -72,8 +75,8 @@ class VescMotors(MotorBackend):
         message_of = _MESSAGES[command.mode]
         return self._send([message_of(value) for value in command.values])
 
-    def neutral(self) -> None:
-        """Brake, also after `close`, when there is nothing left to send it to."""
+    def brake(self) -> None:
+        """Send the brake of neutral; after `close` there is nothing left to send it to."""
         self._close_lost()
         self._send([vesc.SetBrake(self._neutral_a)] * len(self._lines))
 
@@ -103,15 +106,25 @@ class VescMotors(MotorBackend):
         return {"unsent": self._unsent}
 
     def on_configure(self) -> None:
-        """Open all controllers, and brake; raise one error for those that are lost when all others are open."""
+        """Open all controllers, at neutral; raise one error for those that are lost when all others are open."""
         errors = self._open_all()
         self.neutral()
         if errors:
             raise DeviceError(" ".join(error.message for error in errors), fix=errors[0].fix) from errors[0]
 
     def on_activate(self) -> None:
-        """Open those that were lost since; one that is still lost counts as one that is lost now."""
+        """Open those that were lost since; one that is still lost counts as one that is lost now.
+
+        Raises:
+            DeviceError: the timeout of a controller has not been measured.
+        """
         self._open_all()
+        for line in self._lines:
+            if self._timeouts_s is not None and line.is_open and line.chip not in self._timeouts_s:
+                raise DeviceError(
+                    f"{line.title} (chip {line.chip}) was never seen to stop its motor without commands.",
+                    fix="snr io --io ports:FILE --check-timeout; or --option unproven=yes, with the wheels in the air.",
+                )
 
     def _open_all(self) -> list[DeviceError]:
         errors: list[DeviceError] = []

@@ -5,29 +5,24 @@
 
 It goes to neutral when a lease expires and when the pipe closes, which happens however the robot's program ends. If the
 supervisor is killed or hangs, its watchdog acts, a second process. Nothing protects against the end of both, of the
-kernel or of the power: for real water, the outputs need an enable pin on a hardware timer. It is in `devices` because
-for the program it is one more device; `supervision` is about roles.
+kernel or of the power: for real water, the outputs need an enable pin on a hardware timer.
 """
 
 from __future__ import annotations
 
-import importlib
 import os
 import select
 import signal
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from typing import Any
 
-from snr_sim.core.process import spawned
-from snr_sim.core.standard_streams import print_line
+from snr_sim.devices.output_supervisor import IDLE_S, OutputSupervisor, serve
 from snr_sim.devices.wire import lease_messages as wire
 from snr_sim.prelude.device import LEASE_S, PwmOut
-from snr_sim.prelude.errors import DeviceError, SnrError
 
-IDLE_S = 1.0
 HOLD_S = 0.5  # of neutral after the program has ended, before outputs are released
 HANG_TIMEOUT_S = LEASE_S + 0.1  # an armed supervisor sends a heartbeat when a lease arrives and when it expires
 _ARMED, _NOT_ARMED, _STOPPED = b"a", b"n", b"d"
@@ -91,113 +86,55 @@ def _watch(heartbeat_fd: int, out: PwmOut) -> None:
         newest = received[-1:]
 
 
-class OutputSupervisor:
-    """Executes orders and checks the lease by the clock of its stamps. Owns no pipe, so a test needs none."""
+class PwmSupervisor(OutputSupervisor[PwmOut]):
+    """Applies pulses, and disarms the outputs when a lease ends."""
 
     def __init__(
         self, now_s: Callable[[], float], start_watchdog: Callable[[PwmOut], OutputWatchdog] | None = None
     ) -> None:
-        self._now_s, self._start_watchdog = now_s, start_watchdog
-        self._out: PwmOut | None = None
+        super().__init__(now_s)
+        self._start_watchdog = start_watchdog
         self._watchdog: OutputWatchdog | None = None
-        self._until_s = 0.0
-        self._seq = 0
-        self._applied_us: list[float] = []
-        self._reasons: list[str] = []
-        self.has_closed: bool = False
 
-    def execute(self, order: wire.Message) -> wire.LeaseStatus:
-        """Execute an order; the answer contains the error if it fails."""
-        self.poll()
-        try:
-            self._execute(order)
-        except SnrError as error:
-            return self._status(error.message, error.fix)
-        finally:
-            self._feed_watchdog()
-        return self._status()
+    def follow(self, out: PwmOut, lease: wire.Lease) -> tuple[list[Any], list[str]]:
+        """Write the pulses."""
+        applied = out.write_us(lease.command, lease.stamp_s, lease.lease_s)
+        return applied.pulses_us, applied.reason
 
-    def poll(self) -> float:
+    def step(self, out: PwmOut) -> float:
         """Go to neutral if the lease has expired; return the time until it does."""
-        if self._out is None or not self._is_armed:
+        if not self._is_armed:
             return IDLE_S
-        left_s = self._until_s - self._now_s()
+        left_s = self.until_s - self.now_s()
         if left_s > 0.0:
             return min(left_s, IDLE_S)
-        self._out.deactivate("the lease ran out: the robot's program sent nothing in time")
-        self._feed_watchdog()
+        out.deactivate("the lease ran out: the robot's program sent nothing in time")
+        self.on_change()
         return IDLE_S
 
     @property
     def _is_armed(self) -> bool:
-        return self._out is not None and self._out.health().state in ("activating", "active")
+        return self.out is not None and self.out.health().state in ("activating", "active")
 
-    def _feed_watchdog(self) -> None:
+    def on_open(self, out: PwmOut) -> None:
+        """Start the watchdog."""
+        if self._start_watchdog is not None and self._watchdog is None:
+            self._watchdog = self._start_watchdog(out)
+
+    def on_change(self) -> None:
+        """Send the watchdog a heartbeat."""
         if self._watchdog is not None:
             self._watchdog.feed(self._is_armed)
 
-    def end(self, hold: Callable[[float], None]) -> None:
-        """Go to neutral, hold it for a while, and release the outputs."""
-        if self._out is not None:
-            self._out.deactivate("the robot's program has ended")
-            self._feed_watchdog()
-            if not self.has_closed:
-                hold(HOLD_S)
-            if self._watchdog is not None:
-                self._watchdog.stop()  # while this process still owns the outputs
-                self._watchdog = None
-            self._out.close()
-
-    def _execute(self, order: wire.Message) -> None:
-        if isinstance(order, wire.OpenOutputs):
-            module, _, function = order.opener.partition(":")
-            self._out = getattr(importlib.import_module(module), function)(*order.args)
-            self._out.configure()
-            if self._start_watchdog is not None and self._watchdog is None:
-                self._watchdog = self._start_watchdog(self._out)
-        elif isinstance(order, wire.CloseOutputs):
-            self.has_closed = True
-        elif self._out is None:
-            raise DeviceError("These outputs are not open.", fix="call configure() first.")
-        elif isinstance(order, wire.ArmOutputs):
-            self._out.activate()
-            self._until_s = self._now_s() + IDLE_S  # until the first lease
-        elif isinstance(order, wire.DisarmOutputs):
-            self._out.deactivate(order.reason)
-        elif isinstance(order, wire.Lease):
-            self._lease(self._out, order)
-
-    def _lease(self, out: PwmOut, lease: wire.Lease) -> None:
-        applied = out.write_us(lease.pulses_us, lease.stamp_s, lease.lease_s)
-        self._seq, self._applied_us, self._reasons = lease.seq, applied.pulses_us, applied.reason
-        self._until_s = min(lease.stamp_s, self._now_s()) + lease.lease_s  # of the newest command, not the latest
-
-    def _status(self, message: str = "", fix: str = "") -> wire.LeaseStatus:
-        if self._out is None:
-            return wire.LeaseStatus(self._seq, "error", message, [], [], {}, fix)
-        health = self._out.health()
-        state = "error" if message else health.state
-        return wire.LeaseStatus(
-            self._seq, state, message or health.reason, self._applied_us, self._reasons, health.counts, fix
-        )
+    def on_end(self, out: PwmOut, hold: Callable[[float], None]) -> None:
+        """Hold neutral if the program has gone, and stop the watchdog."""
+        if not self.has_closed:
+            hold(HOLD_S)
+        if self._watchdog is not None:
+            self._watchdog.stop()  # while this process still owns the outputs
+            self._watchdog = None
 
 
 def run(line: Connection) -> int:
-    """Run the process: execute orders until its line closes."""
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # goes to neutral during exit
-    spawned.unblock_signals()
-    supervisor = OutputSupervisor(time.monotonic, lambda out: OutputWatchdog(out, [line.fileno()]))
-    reason = "the robot's program has gone without closing them"
-    try:
-        while not supervisor.has_closed:
-            if line.poll(supervisor.poll()):
-                line.send_bytes(wire.encode(supervisor.execute(wire.receive(line))))
-    except DeviceError as error:
-        reason = error.message
-    except (EOFError, OSError):
-        pass  # the other end has closed
-    finally:
-        supervisor.end(time.sleep)  # before the answer is sent: the other process may be gone
-    if not supervisor.has_closed:
-        print_line(sys.stderr, f"Outputs have gone to neutral: {reason}.")
-    return 0
+    """Run the process."""
+    return serve(line, PwmSupervisor(time.monotonic, lambda out: OutputWatchdog(out, [line.fileno()])))

@@ -160,6 +160,11 @@ def list_ports() -> list[PortInfo]:
     )
 
 
+def list_links(folder: Path) -> list[PortInfo]:
+    """Return the ports to which a folder has links, named by their sockets; none if there is no such folder."""
+    return [PortInfo(str(link), usb_path=link.name) for link in sorted(folder.glob("*"))]
+
+
 def _pyserial() -> Any:
     try:
         return importlib.import_module("serial")

@@ -2,25 +2,21 @@
 
     python tests/devices/emulated/pty_board.py robots/urov/firmware --link /tmp/esc --log /tmp/esc.log
 
-A pseudo terminal differs from a cable: it has no baud rate (the emulated line's is used), no DTR that resets an Arduino
-and no noise. If the computer is too busy to keep up, the emulated time pauses; the log contains by how much.
+The emulated line's baud rate is used. If the computer is too busy to keep up, the emulated time pauses; the log
+contains by how much.
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import select
-import signal
 import time
-import tty
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
-from types import FrameType
 from typing import TextIO
 
 from snr_sim.devices.emulated.board import PINS, Board
+from snr_sim.devices.emulated.pty_end import PtyEnd, until_ended
 from snr_sim.devices.emulated.toolchain import firmware_elf
 
 STEP_S = 0.001
@@ -41,17 +37,9 @@ class PtyBoard:
 
     def __init__(self, board: Board, link: Path, log: TextIO | None = None) -> None:
         self.board = board
-        self._link = link
+        self._end = PtyEnd(link)
         self._log = log
         self._last_us: dict[int, float] = {}
-        self._end, self._far_end = os.openpty()
-        tty.setraw(self._far_end)
-        os.set_blocking(self._end, False)
-        # Kept open: a terminal that is not open anywhere loses its buffer, and reading from it fails.
-        self.path = os.ttyname(self._far_end)
-        with suppress(FileNotFoundError):
-            link.unlink()
-        link.symlink_to(self.path)
 
     def serve(self, is_running: Callable[[], bool]) -> None:
         """Run in real time while `is_running` returns true."""
@@ -71,12 +59,8 @@ class PtyBoard:
             self._note_pulses()
 
     def close(self) -> None:
-        """Close the terminal and switch the board off."""
-        with suppress(FileNotFoundError):
-            if str(Path(self._link).readlink()) == self.path:
-                self._link.unlink()
-        os.close(self._end)
-        os.close(self._far_end)
+        """Close the terminal."""
+        self._end.close()
 
     def _wait(self) -> bool:
         """Wait for bytes, at most one step; return whether there are some, and space for them."""
@@ -84,15 +68,12 @@ class PtyBoard:
         return bool(select.select([self._end] if has_room else [], [], [], STEP_S)[0])
 
     def _take(self) -> None:
-        data = os.read(self._end, max(1, _WAITING_BYTES - self.board.waiting))
+        data = self._end.read(max(1, _WAITING_BYTES - self.board.waiting))
         self.board.uart_in(data)
         self._note("rx", str(len(data)))
 
     def _give(self) -> None:
-        data = self.board.uart_out()
-        if data:
-            with suppress(BlockingIOError):  # no reader: the bytes are lost, as on a cable
-                os.write(self._end, data)
+        self._end.write(self.board.uart_out())
 
     def _note_pulses(self) -> None:
         for pulse in self.board.pulses():
@@ -117,17 +98,10 @@ def main() -> None:
     board = Board(firmware_elf(options.firmware, options.mcu), options.mcu)
     board.run_us(_START_US)
     served = PtyBoard(board, options.link, options.log)
-    parent, is_ended = os.getppid(), False
-
-    def end(number: int, frame: FrameType | None) -> None:
-        nonlocal is_ended
-        is_ended = True
-
-    signal.signal(signal.SIGTERM, end)
-    signal.signal(signal.SIGINT, end)
+    is_running = until_ended()
     print(f"{options.mcu} at {options.link}", flush=True)
     try:
-        served.serve(lambda: not is_ended and os.getppid() == parent)
+        served.serve(is_running)
     finally:
         served.close()
         board.close()

@@ -89,5 +89,5 @@ def test_emulated_io_without_tools_names_packages(tmp_path: Any, monkeypatch: py
 
 
 def test_emulated_io_with_one_role_raises_error() -> None:
-    with pytest.raises(UnknownNameError, match=r"in lock step with the whole robot(.|\n)*leave out --role urov"):
+    with pytest.raises(UnknownNameError, match=r"next to the whole simulated robot(.|\n)*leave out --role urov"):
         prepare(Request("urov_depth_hold", io="emulated", role="urov"))

@@ -79,7 +79,7 @@ def test_pty_board_close_keeps_link_of_another_board(tmp_path: Path) -> None:
     with Board(firmware_elf(FIRMWARE, MCU), MCU) as first, Board(firmware_elf(FIRMWARE, MCU), MCU) as second:
         old, new = PtyBoard(first, link), PtyBoard(second, link)
         old.close()
-        assert str(Path(link).readlink()) == new.path
+        assert str(Path(link).readlink()) == new._end.path
         new.close()
     assert not os.path.lexists(link)
 

@@ -1,0 +1,88 @@
+"""`snr io --identify` and `--check-timeout`: motor controllers at real ports, one after the other, on the bench."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from snr_sim.cli.output import print_text
+from snr_sim.devices.motors.bench_check import measure_timeout, turn
+from snr_sim.devices.motors.ports_file import PortsFile, read_ports
+from snr_sim.devices.motors.vesc_line import VescLine
+from snr_sim.devices.wire.serial_port import SerialPort, list_links
+from snr_sim.prelude.errors import DeviceError, ParameterError
+from snr_sim.prelude.io import parse_io
+from snr_sim.scenario.device_bench import devices_of
+
+CONFIRMATION = "wheels off the ground"
+
+
+def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) -> int:
+    """Turn each motor, and write what was found into the file of ports.
+
+    Returns:
+        1 if a controller could not be used or drives for too long, else 0.
+
+    Raises:
+        ParameterError: other devices are chosen, the file is invalid, or another text was typed than was asked for.
+    """
+    chosen = parse_io(io)
+    simulation = devices_of(scenario, io)
+    if chosen.kind != "ports":
+        raise ParameterError("--identify and --check-timeout need controllers at ports.", fix="--io ports:FILE")
+    path = Path(chosen.address)
+    ports, settings = read_ports(path), simulation.robot_file.controller_settings(simulation.context(None))
+    _confirm(path)
+    is_ok = True
+    for port in list_links(Path(ports.links)):
+        open_port = partial(SerialPort, port.path)
+        line = VescLine(port.path, open_port, time.monotonic, settings.erpm_per_rpm, settings.dialect)
+        try:
+            with _opened(line):
+                if identify:
+                    _identify(line, ports, settings.names)
+                if check_timeout:
+                    ports.timeout_s.pop(line.chip, None)
+                    ports.timeout_s[line.chip] = took_s = measure_timeout(line)
+                    print_text(f"{port.path}: it stops {took_s:.2f} s after the last command.")
+        except DeviceError as error:
+            is_ok = False
+            print_text(f"{port.path}: {error}")
+    ports.write(path)
+    return 0 if is_ok else 1
+
+
+@contextmanager
+def _opened(line: VescLine) -> Iterator[None]:
+    line.open(line)
+    try:
+        yield
+    finally:
+        line.release(line)
+
+
+def _confirm(path: Path) -> None:
+    print_text(
+        f"Each wheel turns for a second, one after the other; {path} gets the results. Put the rover on blocks.\n"
+        f"Type  {CONFIRMATION}  to continue: ",
+        end="",
+        flush=True,
+    )
+    typed = sys.stdin.readline().strip()
+    if typed != CONFIRMATION:
+        raise ParameterError(f"Nothing was moved: '{typed}' is not '{CONFIRMATION}'.", fix=f"type: {CONFIRMATION}")
+
+
+def _identify(line: VescLine, ports: PortsFile, names: list[str]) -> None:
+    turn(line)
+    asked = f"{line.name} (chip {line.chip}): which turned? {', '.join(names)}; nothing if none: "
+    print_text(asked, end="", flush=True)
+    name = sys.stdin.readline().strip()
+    if name in names:
+        ports.vesc = {chip: motor for chip, motor in ports.vesc.items() if motor != name} | {line.chip: name}
+    elif name:
+        raise DeviceError(f"There is no motor '{name}'.", fix="run it again.")
