@@ -60,8 +60,8 @@ class Manipulator(Record, who="The arm's "):
     lengths_m: Annotated[tuple[float, float, float], LENGTH_M, ("upper", "fore", "hand")] = (0.45, 0.40, 0.15)
     masses_kg: Annotated[tuple[float, float, float], ROD_KG, ("upper", "fore", "hand")] = (1.8, 1.2, 0.6)
     torques_nm: Annotated[Six, TORQUE_NM, ARM_JOINTS] = (40.0, 60.0, 40.0, 10.0, 5.0, 2.0)
-    lows_rad: Annotated[Six, ANGLE_RAD, ARM_JOINTS] = (-2.8, -0.6, -2.6, -1.6, -3.0, 0.0)
-    highs_rad: Annotated[Six, ANGLE_RAD, ARM_JOINTS] = (2.8, 2.4, 0.0, 1.6, 3.0, 0.8)
+    lows_rad: Annotated[Six, ANGLE_RAD, ARM_JOINTS] = (-2.8, -0.6, -2.6, -2.0, -3.0, 0.0)
+    highs_rad: Annotated[Six, ANGLE_RAD, ARM_JOINTS] = (2.8, 2.4, 0.0, 2.0, 3.0, 0.8)
     rest_rad: Annotated[Six, ANGLE_RAD, ARM_JOINTS] = (0.0, 1.9, -2.4, 0.5, 0.0, 0.0)
     rate_radps: Annotated[float, RATE_RADPS] = 1.0
 
