@@ -215,13 +215,15 @@ def check_recovery(rover: Rover, who: str, how: str, failures: int) -> None:
         assert seen.neutral_s <= NEUTRAL_LIMIT_S + seen.paused_s
 
 
-REPETITIONS = [pytest.param(i, marks=pytest.mark.nightly if i else pytest.mark.wall_clock) for i in range(20)]
+BEFORE_THE_NIGHT = [(BROKER, "SIGKILL"), ("Motors", "SIGKILL"), ("Drive", "SIGSTOP"), ("Pilot", "handler")]
+AT_NIGHT = [pytest.param(ROWS, marks=pytest.mark.nightly, id=f"all-{i}") for i in range(4)]
 
 
-@pytest.mark.parametrize("repetition", REPETITIONS)
-def test_each_process_recovers_from_kill_stop_and_hang(rover: Rover, repetition: int) -> None:
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("rows", [pytest.param(BEFORE_THE_NIGHT, id="some"), *AT_NIGHT])
+def test_each_process_recovers_from_kill_stop_and_hang(rover: Rover, rows: list[tuple[str, str]]) -> None:
     failures = dict.fromkeys((BROKER, *PARTS), 0)
-    for who, how in ROWS:
+    for who, how in rows:
         check_recovery(rover, who, how, failures[who])
         failures[who] += 1
     assert rover.notified.recv(100) == b"READY=1"
