@@ -31,7 +31,7 @@ MAX_LINES = {
     "robots": 5857,
     "scenarios": 2687,
     "assignments": 9389,
-    "tests": 98414,
+    "tests": 98430,
     "snr_sim/grading/sandbox": 800,
 }
 
