@@ -31,6 +31,7 @@ from snr_sim.devices.wire.serial_port import SerialPort, list_links
 from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.task import ensure_type_info
 
 TARGET = "snr_sim.devices.motors.motor_guard:run"
 PERIOD_S = 0.02
@@ -138,7 +139,7 @@ def _state_of(line: VescLine, sensor: VescSensor) -> wire.SupervisedReading:
 
 def open_links(folder: str, settings: dict[str, Any]) -> GuardedPorts:
     """Open the controllers of the ports to which a folder has links, by their names, in the guard's process."""
-    known = msgspec.convert(settings, ControllerSettings)
+    known = msgspec.convert(settings, ensure_type_info(ControllerSettings))
     watch = PortWatch(partial(list_links, Path(folder)))
     return open_ports(known, MotorPorts(watch, SerialPort, time.monotonic, known.chips))
 

@@ -18,6 +18,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.task import ensure_type_info
 
 LINKS = "/dev/serial/by-path"
 
@@ -49,7 +50,7 @@ def read_ports(path: Path) -> PortsFile:
     if not path.exists():
         return PortsFile()
     try:
-        return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), PortsFile)
+        return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), ensure_type_info(PortsFile))
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise ParameterError(
             f"{path} is not a file of ports: {error}.", fix="see devices/motors/ports_file.py."
