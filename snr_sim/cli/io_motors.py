@@ -36,9 +36,16 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
         raise ParameterError("--identify and --check-timeout need controllers at ports.", fix="--io ports:FILE")
     path = Path(chosen.address)
     ports, settings = read_ports(path), simulation.robot_file.controller_settings(simulation.context(None))
+    found = list_links(Path(ports.links))
+    if not found:
+        raise ParameterError(
+            f"There is no serial port in {ports.links}, which {path} is about.",
+            fix=f'plug the controllers in, or write into {path}: links = "FOLDER".',
+        )
     _confirm(path)
+    ports.write(path)  # before a motor turns, as its result must have a place
     is_ok = True
-    for port in list_links(Path(ports.links)):
+    for port in found:
         open_port = partial(SerialPort, port.path)
         line = VescLine(port.path, open_port, time.monotonic, settings.erpm_per_rpm, settings.dialect)
         try:
@@ -52,7 +59,8 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
         except DeviceError as error:
             is_ok = False
             print_text(f"{port.path}: {error}")
-    ports.write(path)
+        finally:
+            ports.write(path)  # what is known is kept if the next one is not waited for
     return 0 if is_ok else 1
 
 

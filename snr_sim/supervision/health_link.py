@@ -67,5 +67,5 @@ def ask_health(address: tuple[str, int], wait_s: float) -> Health:
         return reader.found
     raise reader.found or LinkError(
         f"No health has arrived from {link.address} within {wait_s:g} s: {connection.reason or 'it sent none.'}",
-        fix="check that the robot runs, and the port that it was started with: health_at=.",
+        fix="check that the robot runs, and the port that it was started with: --health-at.",
     )
