@@ -41,7 +41,7 @@ def health(
 
         print_json({**msgspec.to_builtins(found), "is_supervised": is_supervised})
     else:
-        print_text(health_table(found))
+        print_text(health_table(found, is_supervised))
         if not is_supervised:
             print_note(
                 f"the supervisor, process {found.supervisor_pid}, does not run any more: this is its last state."

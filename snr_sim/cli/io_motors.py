@@ -89,7 +89,10 @@ def _identify(line: VescLine, ports: PortsFile, names: list[str]) -> None:
     turn(line)
     asked = f"{line.name} (chip {line.chip}): which turned? {', '.join(names)}; nothing if none: "
     print_text(asked, end="", flush=True)
-    name = sys.stdin.readline().strip()
+    typed = sys.stdin.readline()
+    if not typed:
+        raise ParameterError("The answers have ended, so no further motor is turned.", fix="answer at a terminal.")
+    name = typed.strip()
     if name in names:
         ports.vesc = {chip: motor for chip, motor in ports.vesc.items() if motor != name} | {line.chip: name}
     elif name:

@@ -91,7 +91,7 @@ class EarlyPages(SendQueue[KeptPage]):
     @property
     def loss(self) -> str:
         """Return which pages were dropped, as text; empty if none were."""
-        if not self.gone:
+        if not self.gone or self.max_pages == 1:  # which is for the newest page alone
             return ""
         listed = ", ".join(f"{key} {count}" for key, count in self.gone.most_common(SHOWN_KEYS))
         more = f" and {len(self.gone) - SHOWN_KEYS} keys more" if len(self.gone) > SHOWN_KEYS else ""

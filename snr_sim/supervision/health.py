@@ -184,8 +184,12 @@ _DECODER = msgspec.json.Decoder(Health)
 _HEAD = ("part", "state", "restarts", "pid", "silent", "CPU", "memory", "waiting", "last failure")
 
 
-def health_table(health: Health) -> str:
-    """Return the page as a table for a terminal, with a line on top that sums it up."""
+def health_table(health: Health, is_supervised: bool) -> str:
+    """Return the page as a table for a terminal, with a line on top that sums it up.
+
+    Args:
+        is_supervised: whether its supervisor runs; else the page is its last one.
+    """
     rows = [_HEAD, *(_row(part) for part in health.tree)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(_HEAD))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
@@ -193,6 +197,8 @@ def health_table(health: Health) -> str:
         summary = f"safe stop: {one_line(health.why)}"
     elif health.tree[0].state == "ended":
         summary = "all have ended"
+    elif not is_supervised:
+        summary = "without a supervisor; its last state:"
     else:
         state = "degraded" if health.is_degraded else "all that is to run is running"
         summary = f"{state}; failures until a safe stop: {health.budget_left + 1}"

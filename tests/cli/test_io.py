@@ -442,10 +442,14 @@ def test_io_identifies_motors_at_ports_and_measures_their_timeouts(tmp_path: Pat
         assert bench.stdout is not None
         assert [bench.stdout.readline() for _ in range(2)]
         refused = subprocess.run([sys.executable, *asked], input="yes\n", capture_output=True, text=True, check=False)
-        typed = "wheels off the ground\nmotor_RF\nmotor_LF\n"
+        typed = "wheels off the ground\n"
+        unanswered = subprocess.run([sys.executable, *asked], input=typed, capture_output=True, text=True, check=False)
+        typed += "motor_RF\nmotor_LF\n"
         done = subprocess.run([sys.executable, *asked], input=typed, capture_output=True, text=True, check=False)
         bench.terminate()
     assert (refused.returncode, "Nothing was moved" in refused.stderr) == (2, True)
+    assert (unanswered.returncode, unanswered.stdout.count("which turned?")) == (2, 1), "it turns no second motor"
+    assert "The answers have ended" in unanswered.stderr
     assert (done.returncode, done.stderr) == (0, "")
     ports = read_ports(file)
     assert list(ports.vesc.values()) == ["motor_RF", "motor_LF"]  # as they were named, whatever they say themselves

@@ -170,3 +170,9 @@ def test_disconnected_link_keeps_the_newest_page_of_each_key() -> None:
     gap = max(later - earlier for earlier, later in itertools.pairwise(came))
     assert came[:10] == list(range(10))
     assert 45 < gap < 75
+
+
+def test_queue_for_the_newest_page_alone_reports_no_loss() -> None:
+    came, runner = run_late(20, 2.0, queue_pages=1)
+    assert came == [19]
+    assert not [note for note in runner.nodes["robot"].notes if "dropped" in note]

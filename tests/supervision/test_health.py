@@ -54,7 +54,9 @@ def test_page_of_a_safe_stop_says_why() -> None:
     health = health_of(world.tree, {}, world.now_s)
     assert (health.is_safe_stop, health.is_degraded, health.budget_left) == (True, True, 0)
     assert health.why == world.tree.safe_stop
-    assert health_table(health).startswith("safe stop: parts failed once (0 restarts are allowed in 10 s), last: gps")
+    assert health_table(health, True).startswith(
+        "safe stop: parts failed once (0 restarts are allowed in 10 s), last: gps"
+    )
 
 
 def test_working_tree_is_not_degraded() -> None:
@@ -97,7 +99,7 @@ def test_file_that_is_missing_or_no_page_raises_recording_error(tmp_path: Path) 
 
 def test_table_has_a_row_for_each_part_with_failures_on_one_line() -> None:
     world, usages = rover()
-    assert health_table(health_of(world.tree, usages, world.now_s)).splitlines() == [
+    assert health_table(health_of(world.tree, usages, world.now_s), True).splitlines() == [
         "degraded; failures until a safe stop: 2",
         "part       state       restarts  pid  silent      CPU  memory  waiting  last failure",
         "root       degraded    0         -    -           -    -       -",

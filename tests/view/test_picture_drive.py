@@ -156,7 +156,7 @@ def test_wheel_is_drawn_each_time_with_its_vehicle(tmp_path: Path) -> None:
     assert np.ptp(truck[:, 1]) == pytest.approx(np.ptp(wheel[:, 1]), rel=0.1)
 
 
-def test_what_moves_with_the_vehicle_and_reaches_far_is_within_the_picture(tmp_path: Path) -> None:
+def test_long_part_that_moves_with_the_vehicle_is_within_the_picture(tmp_path: Path) -> None:
     """The picture without walls is as wide as the vehicle, and an arm of 2 m, of which only the end is green."""
     arm = [
         {"kind": "box", "half_size_m": [1.0, 0.02, 0.02], "center_m": [1.0, 0.0, 0.0], "rgb": [90, 90, 90]},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 import weakref
 from pathlib import Path
@@ -35,7 +36,7 @@ class PtyPlant(ControllerPlant):
         super().power_up()
         self.folder: Path = Path(tempfile.mkdtemp(prefix="snr_sim_ports_"))
         self._bench: ProcessPort[BenchMessage] = ProcessPort(TARGET, CODEC)
-        self._end = weakref.finalize(self, self._bench.close)
+        self._end = weakref.finalize(self, _end_bench, self._bench, self.folder)
         self._bench.write(OpenBench(str(self.folder), list(self._motors), self._erpm_per_rpm, self._dialect))
         if not self._bench.wait(START_S):
             raise DeviceError("The emulated controllers have not started.", fix="is the computer overloaded?")
@@ -63,3 +64,9 @@ class PtyPlant(ControllerPlant):
         if self._bench.has_room:  # else it has not read the last ones yet
             readings = (self.plant.read(name) for name in self._motors)
             self._bench.write(Readings([one if isinstance(one, MotorReading) else None for one in readings]))
+
+
+def _end_bench(bench: ProcessPort[BenchMessage], folder: Path) -> None:
+    """End the process, and remove the folder, which it leaves if it was killed."""
+    bench.close()
+    shutil.rmtree(folder, ignore_errors=True)

@@ -189,7 +189,8 @@ def run(line: Connection) -> int:
             while line.poll():
                 _follow(bench, motors, CODEC.receive(line))
     bench.close()
-    folder.rmdir()
+    with suppress(OSError):  # the robot, which waits for this process, removes it, too
+        folder.rmdir()
     return 0
 
 

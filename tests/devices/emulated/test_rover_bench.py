@@ -101,3 +101,12 @@ def test_rover_with_plugs_pulled_from_ports_is_armed_again_and_its_bench_ends() 
     assert not folder.exists()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+@pytest.mark.slow
+def test_killed_bench_leaves_no_folder() -> None:
+    plant = prepare(Request("rover_unplug", engine="pymunk", io="pty")).plant()
+    assert isinstance(plant, PtyPlant)
+    os.kill(plant._bench.pid, signal.SIGKILL)
+    plant._end()
+    assert not plant.folder.exists()
