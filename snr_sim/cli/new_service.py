@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from getpass import getuser
 from pathlib import Path
 
 from snr_sim.cli.output import print_text
 from snr_sim.prelude.errors import ParameterError
 
 # Type=notify and WatchdogSec: `supervision/systemd.py`. KillMode=mixed: the supervisor alone is asked, ends the others
-# in order, and what is left is killed.
+# in order, and what is left is killed. Without User= it would be root's.
 _UNIT = """\
 [Unit]
 Description=Robot {name}
@@ -18,6 +19,7 @@ StartLimitBurst=5
 
 [Service]
 Type=notify
+User={user}
 WorkingDirectory={folder}
 ExecStart="{python}" -m snr_sim processes "{file}"
 Restart=on-failure
@@ -44,7 +46,7 @@ def begin_service(name: str, target: Path) -> None:
     for path in (str(file), sys.executable):
         if not path.isprintable() or set(path) & set('%"\\$'):
             raise ParameterError(f"A unit file cannot have the path {path!r}.", fix='a path without %, $, " and \\.')
-    unit = _UNIT.format(name=name, folder=file.parent, python=sys.executable, file=file)
+    unit = _UNIT.format(name=name, user=getuser(), folder=file.parent, python=sys.executable, file=file)
     target.write_text(unit, encoding="utf-8")
     print_text(f"{target} starts {name}.py with the computer. Put it into /etc/systemd/system, then:")
     print_text(f"sudo systemctl enable --now {target}; journalctl -u {target}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import configparser
 import shlex
 import sys
+from getpass import getuser
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ def test_new_service_runs_the_file_with_this_python_and_notifies(here: Path, snr
         "on-failure",
         str(here.resolve()),
     )
+    assert service["User"] == getuser()  # else the file would run as root
     assert float(service["WatchdogSec"]) > 0
     assert unit["Unit"]["StartLimitBurst"] == "5"
     assert snr("new", "service", "rover").status == 2
