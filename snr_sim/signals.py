@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING
 from snr_sim.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from snr_sim.prelude.ground_signals import ARM_JOINTS as ARM_JOINTS
     from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A as NEUTRAL_BRAKE_A
+    from snr_sim.prelude.ground_signals import ArmCommand as ArmCommand
+    from snr_sim.prelude.ground_signals import ArmReading as ArmReading
     from snr_sim.prelude.ground_signals import DriveCommand as DriveCommand
     from snr_sim.prelude.ground_signals import MotorReading as MotorReading
     from snr_sim.prelude.signals import CLAMPED as CLAMPED

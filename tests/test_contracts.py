@@ -12,7 +12,7 @@ from snr_sim.devices.commands import ActuatorLoopFactory
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.readings import SensorLoopFactory
 from snr_sim.prelude.device import PwmOut
-from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.ground_signals import ArmCommand, DriveCommand
 from snr_sim.prelude.scenario import RobotContext, RobotInfo
 from snr_sim.prelude.signals import DozerCommand, EngineCommand, MotorCommand, PwmCommand
 from snr_sim.scenario import library
@@ -21,6 +21,8 @@ from snr_sim.testing.pwm_contract import check_pwm_out
 
 # A valid command for each input that any plant has, so that plants are checked in motion and not only at rest.
 COMMANDS = {
+    "arm": ArmCommand([0.1, 0.5, -1.0, 0.5, 0.0, 0.0]),
+    "arm_goals": ArmCommand([0.1, 0.5, -1.0, 0.5, 0.0, 0.0]),
     "dozer": DozerCommand(left_mps=0.1, right_mps=0.08, blade=1.0),
     "engine": EngineCommand(throttle=0.3, gimbal_rad=0.01, attitude=0.2),
     "motors": MotorCommand(a=40.0, d=25.0),

@@ -50,6 +50,8 @@ class RoverParameters:
     points_m: tuple[tuple[float, float], ...] = ()  # where to go: x ahead of the start, y to the left
     stands_s: float = 3.0  # at the start, while the bias of the gyroscope is measured
     replugs: tuple[Replug, ...] = ()  # plugs of controllers that are pulled and put back
+    arm_hz: float = 10.0  # readings of the joints, where the vehicle has an arm
+    arm_line_m: tuple[float, float, float] = (0.0, 0.4, 0.7)  # for its wrist: height, and radius from and to
     script: tuple[Cue, ...] = ()  # what the pilot does, where there is no person; empty: there is no pilot
     command_hz: float = 20.0  # how often the surface sends controls [O]
     # Wi-Fi outdoors within a few hundred meters [O].

@@ -11,6 +11,8 @@
     gps       latitude_deg, longitude_deg, speed_mps, course_rad, stamp_s; where parameters.gps_hz is not 0
     scan      ranges_m, angles_rad (0 ahead, positive to the left), stamp_s; where parameters.scan_hz is not 0
     power     voltage_v, current_a, stamp_s
+    arm       angles_rad, rates_radps, torques_nm of the joints, stamp_s; where the vehicle has an arm
+    arm_goals angles_rad: base, shoulder, elbow, wrist_pitch, wrist_roll, grip (snr_sim/plants/ground/manipulator.py)
     drive     mode ("speed", "current", "duty", "brake" or "off") and values, one for each wheel in the order above:
               rad/s, A, -1 to 1, or A
     controls  what the surface asks for, where there is a pilot (controls.py); odometry and vehicle come from the
@@ -35,6 +37,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from snr_sim.devices import (
+    ActuatorLoopFactory,
     ControllerSettings,
     GamepadLoopFactory,
     GuardedMotors,
@@ -46,6 +49,7 @@ from snr_sim.devices import (
     PygameGamepad,
     SensorErrors,
     SensorLoopFactory,
+    SimActuator,
     SimMotors,
     SimSensor,
     VescLine,
@@ -57,6 +61,7 @@ from snr_sim.devices.emulated import PtyPlant, VescPlant
 from snr_sim.errors import ParameterError
 from snr_sim.plants import Plant
 from snr_sim.scenario import RECORDING_KEY, Factory, RobotContext
+from snr_sim.signals import ArmCommand
 from snr_sim.teleop import DeadmanSwitch, Keyboard, LinkMonitorFactory, ManualInput, pilot_of, surface_link
 
 from .controls import DEADMAN_BUTTON, LAYOUTS, LEGENDS, gamepad_pilot, layout_of, scripted_pilot
@@ -103,6 +108,13 @@ def sim_scan(context: RobotContext) -> SimSensor:
     """Open the simulated lidar."""
     sensor: SimSensor = context.robot.parameters.lidar.simulated(context.plant, "pose", context.rng("scan"))
     return sensor
+
+
+def sim_arm(context: RobotContext) -> SimActuator[ArmCommand]:
+    """Open the simulated servos of the arm, each of which has limits within these."""
+    plant, arm = context.plant, context.robot.parameters.vehicle.arm
+    limits = {"angles_rad": (min(arm.lows_rad), max(arm.highs_rad))}
+    return SimActuator(plant.plant if isinstance(plant, VescPlant | PtyPlant) else plant, "arm", ArmCommand, limits)
 
 
 def sim_motors(context: RobotContext) -> SimMotors:
@@ -223,8 +235,13 @@ def roles(context: RobotContext, controller: Sequence[Factory]) -> dict[str, lis
         sensors.append(SensorLoopFactory("gps", partial(sim_gps, context), parameters.gps_hz))
     if parameters.scan_hz:
         sensors.append(SensorLoopFactory("scan", partial(sim_scan, context), parameters.scan_hz))
+    arm: list[Factory] = []
+    if parameters.vehicle.arm:
+        joints = partial(sim_sensor, context, "arm", SensorErrors())
+        sensors.append(SensorLoopFactory("arm", joints, parameters.arm_hz))
+        arm = [ActuatorLoopFactory("arm_goals", partial(sim_arm, context), parameters.drive_hz)]
     motors = MotorLoopFactory("drive", partial(devices["drive"], context), parameters.drive_hz)
-    rover, extra = [*sensors, *controller, motors], list(context.extra_components.get("topside", ()))
+    rover, extra = [*sensors, *controller, *arm, motors], list(context.extra_components.get("topside", ()))
     if not parameters.script:
         _check_no_options(context)
         return {"rover": rover, "topside": extra}

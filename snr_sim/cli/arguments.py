@@ -32,6 +32,18 @@ def finite_number(text: str) -> float | None:
     return number if abs(number) < float("inf") else None
 
 
+def address_of(text: str, what: str) -> tuple[str, int]:
+    """Return host and port of a text; raise ParameterError if it is not `what`.
+
+    >>> address_of("54321", "an address"), address_of("[::1]:9130", "an address")
+    (('127.0.0.1', 54321), ('::1', 9130))
+    """
+    host, _, port = text.rpartition(":")
+    if not port.isdecimal() or not 0 < int(port) < 1 << 16:
+        raise ParameterError(f"'{text}' is not {what}.", fix="use HOST:PORT, such as 127.0.0.1:54321.")
+    return host.strip("[]") or "127.0.0.1", int(port)
+
+
 def pace_of(speed: str) -> float | None:
     """Return virtual seconds per wall second, or None for as fast as possible; raise ParameterError for other texts.
 

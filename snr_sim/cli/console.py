@@ -10,14 +10,13 @@ from typing import Annotated
 
 import typer
 
-from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.arguments import AsJson, address_of
 from snr_sim.cli.output import print_encoded, print_text
 from snr_sim.console.client import ConsoleClient
 from snr_sim.console.parsing import CommandResult
 from snr_sim.console.remote_console import RemoteConsole
 from snr_sim.core.standard_streams import print_line
 from snr_sim.links.security import secret_from_env, secret_from_file
-from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.values import encode_value
 
 _TOKEN_VARIABLE = "SNR_TOKEN"
@@ -40,7 +39,7 @@ def console(
 
     Exit status: 0 all were carried out, 1 one was refused, 2 no node answered or the request was wrong.
     """
-    server, token = _address(address), _token(token_file)
+    server, token = address_of(address, "a console address"), _token(token_file)
     if not command and not as_json and sys.stdin.isatty():
         RemoteConsole(server, token=token).run()
         return
@@ -73,13 +72,6 @@ def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> 
         shown = [{"text": one.text, "data": one.data, "is_error": one.is_error} for one in answers]
         print_encoded(encode_value({"answers": shown}).decode())
     return answers
-
-
-def _address(text: str) -> tuple[str, int]:
-    host, _, port = text.rpartition(":")
-    if not port.isdecimal() or not 0 < int(port) < 1 << 16:
-        raise ParameterError(f"'{text}' is not a console address.", fix="use HOST:PORT, such as 127.0.0.1:54321.")
-    return host.strip("[]") or "127.0.0.1", int(port)
 
 
 def _token(path: Path | None) -> bytes | None:

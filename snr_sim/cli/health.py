@@ -1,28 +1,38 @@
-"""`snr health FOLDER`: what each supervised process of a robot does, by the `health.json` of its supervisor."""
+"""`snr health RUN` or `snr health HOST:PORT`: what each supervised process of a robot does."""
 
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.arguments import AsJson, address_of
 from snr_sim.cli.output import print_json, print_note, print_text
 from snr_sim.supervision.health import health_table, read_health
 
+_ADDRESS = re.compile(r"\d+|\S+:\d+")
+
 
 def health(
-    folder: Annotated[Path, typer.Argument(help="The `folder` of a SupervisedRunner.")],
+    where: Annotated[str, typer.Argument(metavar="RUN|HOST:PORT", help="The run folder; or where the robot answers.")],
+    wait: Annotated[float, typer.Option(help="Seconds to wait for an answer from HOST:PORT.")] = 3.0,
     as_json: AsJson = False,
 ) -> None:
     """Print what each supervised process of a robot does.
 
-    Exit status 0: all that is to run is running; 1: it is not; 2: the folder has no health.json.
+    Exit status 0: all that is to run is running; 1: it is not; 2: the folder has no health.json, or no answer came.
     """
-    found = read_health(folder)
-    is_supervised = _is_process(found.supervisor_pid)
+    is_address = _ADDRESS.fullmatch(where) is not None and not Path(where).exists()
+    if is_address:
+        from snr_sim.supervision.health_link import ask_health
+
+        found, is_supervised = ask_health(address_of(where, "an address"), wait), True
+    else:
+        found = read_health(Path(where))
+        is_supervised = found.supervisor_pid is not None and _is_process(found.supervisor_pid)
     if as_json:
         import msgspec
 

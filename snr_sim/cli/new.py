@@ -1,4 +1,4 @@
-"""`snr new`: copies a robot, a scenario, the starter files of a lab, a template of a controller or of a machine.
+"""`snr new`: copies a robot, a scenario, the starter files of a lab, a template of a controller or machine; a service.
 
 A student's robot or scenario is found and treated exactly like one of snr_sim.
 """
@@ -12,26 +12,30 @@ from typing import Annotated
 
 import typer
 
+from snr_sim.cli.new_service import begin_service
 from snr_sim.cli.output import print_text
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
 from snr_sim.scenario.library import Kind, find, find_lab, robot_of_scenario
 
 _CLASS = "ControllerTemplate"  # in the template
-_LAB, _CONTROLLER, _MACHINE = "lab", "controller", "machine"
+_LAB, _CONTROLLER, _MACHINE, _SERVICE = "lab", "controller", "machine", "service"
 _SOURCES: dict[str, tuple[Kind, str]] = {"robot": ("robots", "lander"), "scenario": ("scenarios", "lander_vertical")}
 
 
 def new(
-    what: Annotated[str, typer.Argument(help="controller, machine, robot, scenario or lab.")],
-    name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _. Of a lab: which one.")],
+    what: Annotated[str, typer.Argument(help="controller, machine, robot, scenario, lab or service.")],
+    name: Annotated[
+        str, typer.Argument(help="Its name: small letters, digits and _. Of a lab: which one. Of a service: of a file.")
+    ],
     folder: Annotated[str, typer.Argument(help="Of a lab: the new folder, else one of the lab's name.")] = "",
     source: Annotated[str, typer.Option("--from", help="Which one to copy.")] = "",
     robot: Annotated[str, typer.Option(help="Of a machine or a scenario: which robot it is for.")] = "",
     scenario: Annotated[str, typer.Option(help="Of a controller: a scenario that it is for.")] = "",
 ) -> None:
-    """Begin a controller, a machine, a robot, a scenario or a lab of your own.
+    """Begin a controller, machine, robot, scenario, lab or service of your own.
 
-    Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
+    Makes a copy of one there is, or of the files that a lab begins with, under the current folder. A service is a unit
+    file of systemd for the RoverProcesses in NAME.py.
     """
     if scenario and what != _CONTROLLER:
         raise ParameterError(f"--scenario does not apply to a {what}.", fix="use it with snr new controller only.")
@@ -42,7 +46,7 @@ def new(
         return
     if folder:
         raise ParameterError(f"snr new {what} takes no folder, but got '{folder}'.", fix=f"snr new {what} {name}")
-    kinds = (*_SOURCES, _CONTROLLER, _MACHINE)
+    kinds = (*_SOURCES, _CONTROLLER, _MACHINE, _SERVICE)
     if what not in kinds:
         raise UnknownNameError(f"snr new cannot create a '{what}'.", fix=suggest(what, [*kinds, _LAB]))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -56,6 +60,12 @@ def new(
                 "A controller begins with the template of its robot.", fix=f"snr new controller {name} --scenario S"
             )
         _begin_controller(name, scenario)
+        return
+    if what == _SERVICE:
+        if source or robot:
+            raise ParameterError("--from and --robot do not apply to a service.", fix=f"snr new service {name}")
+        _check_is_new(Path(f"{name}.service"))
+        begin_service(name, Path(f"{name}.service"))
         return
     if what == _MACHINE:
         if source:

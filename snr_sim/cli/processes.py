@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from snr_sim.cli.arguments import AsJson, Out
+from snr_sim.cli.arguments import AsJson, Out, address_of
 from snr_sim.cli.output import capture_output, print_json, print_text
 from snr_sim.core.standard_streams import print_line
-from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, SupervisionError
 
 if TYPE_CHECKING:
     from snr_sim.processes.runner import ProcessRunner
@@ -22,21 +22,25 @@ def processes(
     names: Annotated[list[str] | None, typer.Argument(help="Which classes; all of the file if not given.")] = None,
     sim_s: Annotated[float, typer.Option("--sim", metavar="S", help="Simulate so many seconds in lock step.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Of the run.")] = 0,
+    health_at: Annotated[str, typer.Option(metavar="HOST:PORT", help="Answer snr health here.")] = "",
     out: Out = Path("runs"),
     as_json: AsJson = False,
 ) -> None:
     """Run RoverProcesses: each in a process, or all in one lock step.
 
-    Processes run until Ctrl-C, or until one of them calls terminate_state(). Their logs are in the run folder. A
-    simulation is recorded there, too: snr replay RUN executes it again.
+    Processes run until Ctrl-C, or until one of them calls terminate_state(); one that fails is started again. Their
+    logs are in the run folder, and snr health RUN prints what they do. A simulation is recorded there, too: snr replay
+    RUN executes it again.
 
-    Exit status: 0 all ended in order, 1 a process failed, 2 nothing was started.
+    Exit status: 0 all ended in order, 1 a process failed, or more often than it may; 2 nothing was started.
     """
     if not 0.0 <= sim_s < float("inf"):
         raise ParameterError(f"--sim is {sim_s:g}.", fix="seconds, such as --sim 60.")
     from snr_sim.recording.folder import new_run_folder
 
     runner = runner_of(file, names or [], seed)
+    if health_at:
+        runner.health_at = address_of(health_at, "an address")
     error, folder = "", None if sim_s else new_run_folder(out, file.stem, seed)
     with capture_output(as_json):
         try:
@@ -44,7 +48,7 @@ def processes(
                 folder = runner.simulate(sim_s, out)
             else:
                 runner.run(folder.resolve())
-        except ComponentFailedError as failure:
+        except (ComponentFailedError, SupervisionError) as failure:
             error = str(failure)
     if as_json:
         run = None if folder is None else str(folder)

@@ -41,7 +41,7 @@ VERBS = {
     "compare": Verb("Compare two runs of one robot.", ("snr compare", "snr compare runs/sim runs/real --shift auto")),
     "list": Verb("List what there is to run.", ("snr list scenarios",), module="listing"),
     "new": Verb(
-        "Begin a controller, a machine, a robot, a scenario or a lab of your own.",
+        "Begin a controller, machine, robot, scenario, lab or service of your own.",
         (
             "snr new controller mine --scenario lander_vertical",
             "snr new machine mine --robot dora",

@@ -20,13 +20,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+from msgspec.structs import replace
+
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentLog
 from snr_sim.core.datastore import LINK_PREFIX
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.run_diagnostics import describe_unusable_page
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
-from snr_sim.links.messages import UNACCEPTABLE, encode_page, memory_bytes
+from snr_sim.links.messages import UNACCEPTABLE, Control, decode_message, encode_page, memory_bytes
 from snr_sim.links.options import MAX_KEY_CHARS, MAX_KEYS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.prelude.errors import ComponentFailedError, SnrError, suggest
@@ -50,6 +52,7 @@ MAX_REJECTED_KEYS = 20  # keys not in `accept` that the remote peer sent, for a 
 # Keys with which this node reports on itself; a peer's page of such a key is accepted only if `accept` contains it.
 LOCAL_KEYS = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
 _STORE_PAGE = TaskType.store_page
+_STORED, _PROCESSED = b'"process":false}', b'"process":true}'  # ends of a page's JSON, as `Page.serialize` writes it
 
 
 @dataclass
@@ -145,7 +148,12 @@ class Link(RestartingLoop):
     """Sends pages of its keys over a transport, accepts those that arrive, and stores the state of the link.
 
     `simulated` makes its transport if the node runs under a SimClock; otherwise `real` does.
+
+    Attributes:
+        forwards: whether a component calls `forward` for each page of a peer; to be set before the link begins.
     """
+
+    forwards: bool = False
 
     def __init__(
         self,
@@ -167,6 +175,7 @@ class Link(RestartingLoop):
         self.reason: str = ""  # why it is down, as text, set by its transport
         self._unstored: dict[int, tuple[Page, object]] = {}  # arrived, not stored yet: page and sender
         self._relayed: dict[int, None] = {}
+        self._arrived: dict[int, tuple[Page, bytes]] = {}  # to be forwarded: page, and its JSON
         self._unsendable = UnsendablePages(parent, f"'{self.name}'", self.log, self.name)
         self._largest_bytes = 1  # of recent pages
         self.is_paused: bool = False  # nothing more is read, because the node has too much to do
@@ -258,6 +267,32 @@ class Link(RestartingLoop):
         elif encoded is not None and to:
             self.dropped += max(0, len(to) - self.transport.carry_to(to, encoded[1]))
 
+    def forward(self, page: Page, to: Collection[str]) -> None:
+        """Send a page of a peer to other nodes, which also handle it, in the bytes that it came in.
+
+        Args:
+            page: that was just stored; call this once for each, as its bytes are kept until then.
+            to: names of the nodes, perhaps none; see `send`.
+        """
+        _, raw = self._arrived.pop(id(page), (page, b""))
+        if not to:
+            return
+        if raw.endswith(_STORED):
+            raw = raw[: -len(_STORED)] + _PROCESSED
+        if raw.endswith(_PROCESSED):  # JSON of any peer: it may have another order of fields
+            self.dropped += max(
+                0, len(to) - self.transport.carry_to(to, encode_frame(raw, self.options.max_frame_bytes))
+            )
+        else:
+            self.send(replace(page, process=True), to)
+
+    def decode_and_keep(self, raw: bytes) -> Control | Page:
+        """Return the message in a frame, and keep the bytes of a page for `forward`."""
+        message = decode_message(raw, self.is_acceptable)
+        if type(message) is Page and message is not UNACCEPTABLE:
+            self._arrived[id(message)] = message, raw
+        return message
+
     def _send_page(self, page: Page) -> None:
         _, by = self._unstored.pop(id(page), (page, None))
         encoded = self._encode(page)
@@ -293,6 +328,7 @@ class Link(RestartingLoop):
             key = page.key
             if page is UNACCEPTABLE or not (is_chosen or is_acceptable(key, page.origin)):
                 self.rejected += 1
+                self._arrived.pop(id(page), None)
                 continue
             if key in self.options.keys:
                 self._unstored[id(page)] = (page, by)

@@ -119,7 +119,6 @@ class Peers:
         self._node = link.parent
         self._options = link.options
         self._min_transit_s = min_transit_s
-        self._decode = partial(decode_message, is_acceptable=link.is_acceptable)
         self._was_left = False  # whether the last peer that left said goodbye
         self._lost = self._duplicated = 0  # by faults, on channels to peers that have left
         self._early = EarlyPages(link.options.queue_pages, link.options.policy)
@@ -231,7 +230,9 @@ class Peers:
 
     def new_session(self, nonce: bytes | None = None) -> Session:
         """Return a session with a new peer; its nonce is random if not given."""
-        return Session(self._config, self._link.get_time_s(), self._decode, nonce)
+        link = self._link
+        decode = link.decode_and_keep if link.forwards else partial(decode_message, is_acceptable=link.is_acceptable)
+        return Session(self._config, link.get_time_s(), decode, nonce)
 
     def new_channel(self) -> LossyChannel:
         """Return the outgoing channel of a new peer: each session has its own random numbers, the same in every run."""

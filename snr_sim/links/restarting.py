@@ -20,15 +20,18 @@ class BackOff:
 
     It is random, so that many clients do not retry at once, and independent of the run: two clients of one seed must
     differ, too.
+
+    Args:
+        longest_s: the maximum.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, longest_s: float = MAX_RETRY_S) -> None:
         self._rng = Random()
-        self._max_s = RETRY_FIRST_S
+        self._max_s, self._longest_s = RETRY_FIRST_S, longest_s
 
     def next_s(self) -> float:
         """Return the next delay: random, from half of this attempt's maximum up to all of it [s]."""
-        max_s, self._max_s = self._max_s, min(MAX_RETRY_S, 2.0 * self._max_s)
+        max_s, self._max_s = self._max_s, min(self._longest_s, 2.0 * self._max_s)
         return max_s * self._rng.uniform(0.5, 1.0)
 
     def reset(self) -> None:

@@ -11,7 +11,8 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from snr_sim.links.link import Link
-from snr_sim.links.restarting import STEADY_S, BackOff, error_text
+from snr_sim.links.restarting import MAX_RETRY_S, STEADY_S, BackOff, error_text
+from snr_sim.links.security import is_loopback
 from snr_sim.links.session import SessionConfig
 from snr_sim.links.socket_port import Address, SocketPort
 from snr_sim.links.stream_peer import StreamPeer
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     import ssl
 
 CONNECT_TIMEOUT_S = 5.0
+# On this computer an attempt costs little, and a server that is started again is there within a second.
+LOCAL_RETRY_S = 0.2
 
 
 class TcpClient(Streams):
@@ -41,7 +44,7 @@ class TcpClient(Streams):
         """Connect as soon as possible; see Transport."""
         super().open(ports)
         self._connect_s: float | None = 0.0  # time of the next attempt; None during an attempt or a connection
-        self._back_off = BackOff()
+        self._back_off = BackOff(LOCAL_RETRY_S if is_loopback(self._address.host) else MAX_RETRY_S)
         self._up_s = 0.0
         self._connector = Connector(self.wake)
         ports.callback(self._connector.cancel)

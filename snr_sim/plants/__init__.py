@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from snr_sim.plants.ground.explorer import Explorer as Explorer
     from snr_sim.plants.ground.height_map import HeightMap as HeightMap
     from snr_sim.plants.ground.height_map import make_hills as make_hills
+    from snr_sim.plants.ground.manipulator import Manipulator as Manipulator
     from snr_sim.plants.ground.motor_faults import MotorFault as MotorFault
     from snr_sim.plants.ground.planar_vehicles import dozer_rover as dozer_rover
     from snr_sim.plants.ground.planar_vehicles import explorer_rover as explorer_rover

@@ -13,6 +13,7 @@ import msgspec
 DriveMode: TypeAlias = Literal["speed", "current", "brake", "duty", "off"]
 
 
+ARM_JOINTS = ("base", "shoulder", "elbow", "wrist_pitch", "wrist_roll", "grip")
 NEUTRAL_BRAKE_A = 4.0  # of a motor without a command: holds a rover of 43 kg on slopes of up to 25 degrees
 
 
@@ -49,4 +50,23 @@ class MotorReading(msgspec.Struct, frozen=True):
     duty: float
     voltage_v: float
     turned_rad: float
+    stamp_s: float
+
+
+class ArmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where the joints of an arm go to.
+
+    Args:
+        angles_rad: one for each of `ARM_JOINTS`. None at all is neutral: each stays where it is.
+    """
+
+    angles_rad: list[float] = []
+
+
+class ArmReading(msgspec.Struct, frozen=True):
+    """State of the joints of an arm, in the order of `ARM_JOINTS`; torques are those of the servos."""
+
+    angles_rad: list[float]
+    rates_radps: list[float]
+    torques_nm: list[float]
     stamp_s: float

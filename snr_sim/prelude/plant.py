@@ -65,6 +65,8 @@ class Plant(Protocol):
             {"kind": "polyline", "points_m": [[x, y, z], ...], "rgb": [r, g, b], "radius_m": 0.1}
             {"kind": "mesh", "vertices_m": [[x, y, z], ...], "triangles": [[i, j, k], ...], "rgb": [r, g, b]}
             {"kind": "box", "half_size_m": [x, y, z], "center_m": [x, y, z], "rgb": [r, g, b]}
+            {"kind": "heightfield", "corner_m": [x, y], "spacing_m": [x, y], "shape": [rows, columns],
+             "heights_m": [z, ...], "rgb": [r, g, b]}    heights from west to east, row by row from south to north
 
         A static shape may have a "label", which is shown next to it. There may be
 

@@ -12,6 +12,7 @@ from snr_sim.links.messages import encode_page
 from snr_sim.prelude.errors import ConfigError, SnrError, ValueEncodingError
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import Page, snapshot
+from snr_sim.supervision.health import HEALTH
 
 BROKER = "state_manager"  # role of the broker, and its component
 LINK = "processes"  # name of the link between a process and the broker, at both ends
@@ -19,8 +20,10 @@ LINK_PAGE = f"link_{LINK}"  # the link's component, and the page of its state
 MAX_KEY_CHARS = 64
 
 # Keys that the broker keeps for itself. A process sends its whole list of subscriptions, at each connect and at each
-# change: {"keys": [...], "last": [...]}, where "last" has those whose last value it asks for.
+# change: {"keys": [...], "last": [...], "timeouts_s": [...]}, where "last" has those whose last value it asks for, and
+# "timeouts_s", at a connect only, the times for which it has said that it may be silent: the former and the newest one.
 SUBSCRIPTIONS = "$subscriptions"
+SILENT = "$silent"  # to a process that has been silent for so many seconds, on the wall clock
 TERMINATE = "$terminate"  # asks the broker to end all processes
 QUIT = "quit"
 PET, EXTEND, RESET = "wd_pet", "wd_extend", "wd_reset"
@@ -55,7 +58,9 @@ def check_key(process: str, key: Any, value: Any = None, *, is_subscription: boo
             f"{process} {verb} {repr(key)[:80]}, which is not a key.",
             fix=f"a key is text of 1 to {MAX_KEY_CHARS} characters that can be printed, such as 'joystick1'.",
         )
-    if key == QUIT and is_subscription:
+    if key == HEALTH and not is_subscription:
+        fix = "another name: 'my_health'. The supervisor's page has this one."
+    elif key == QUIT and is_subscription:
         fix = "leave it out: on_quit(self, data) is called without a subscription."
     elif key in _METHODS:
         fix = f"{_METHODS[key].format(value)}."

@@ -22,11 +22,11 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.core.thread_executor import JOIN_TIMEOUT_S
 from snr_sim.links.link import Link
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ComponentFailedError, ConfigError, suggest
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, SupervisionError, suggest
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 from snr_sim.processes.loop_steps import LoopSteps
-from snr_sim.processes.message import LINK_PAGE, QUIT, RoverMessage
+from snr_sim.processes.message import LINK_PAGE, QUIT, SILENT, RoverMessage
 from snr_sim.processes.rover_process import ProcessSpec, RoverProcess
 from snr_sim.processes.uplink import Uplink
 
@@ -84,6 +84,11 @@ class ProcessEndpoint(Endpoint):
         data: Any = None if task.page is None else task.page.data
         if key == LINK_PAGE:
             self._uplink.connect(data["up"])
+        elif key == SILENT:
+            raise SupervisionError(
+                f"{self.name} has not reported for {data:g} s, while its handlers work: its loop hangs.",
+                fix="watchdog_extend(seconds) before what takes longer.",
+            )
         elif key == QUIT:
             self._quit_data = data
             return tasks.terminate(QUIT)

@@ -29,7 +29,7 @@ from snr_sim.core.source_location import after_line, location_of
 from snr_sim.prelude.errors import ConfigError, ParameterError, suggest
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.text import one_line
-from snr_sim.processes.message import EXTEND, PET, RESET, TERMINATE, RoverMessage, check_key
+from snr_sim.processes.message import PET, RESET, TERMINATE, RoverMessage, check_key
 from snr_sim.processes.seed_names import SeedNames
 from snr_sim.processes.uplink import Uplink
 from snr_sim.supervision.watch import PREVIOUS
@@ -178,7 +178,7 @@ class RoverProcess(SeedNames):
             raise ParameterError(
                 f"{self.name} extends its watchdog by {timeout_s!r}.", fix=f"a number of seconds, or {PREVIOUS!r}."
             )
-        self._uplink.send(EXTEND, timeout_s)
+        self._uplink.extend(timeout_s)
 
     def watchdog_reset(self) -> None:
         """Begin the time of silence of all processes again."""

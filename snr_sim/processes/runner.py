@@ -30,14 +30,18 @@ from snr_sim.processes.enabled import load_enabled
 from snr_sim.processes.message import BROKER, LINK
 from snr_sim.processes.process_components import LOOP_SUFFIX, ProcessEndpoint, ProcessLoop
 from snr_sim.processes.rover_process import ProcessSpec, RoverProcess
-from snr_sim.processes.state_manager import StateManager
+from snr_sim.processes.state_manager import ReportLoop, StateManager
 from snr_sim.recording.folder import header_of_program, new_run_folder
 from snr_sim.recording.records import TraceInfo
 from snr_sim.recording.sources import keep_copies, program_files
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.supervision.multi_proc import MultiProcRunner
+from snr_sim.supervision.health import HEALTH
+from snr_sim.supervision.health_link import health_link
+from snr_sim.supervision.plan import Child, Supervisor
+from snr_sim.supervision.supervised_runner import SupervisedRunner
 
 QUEUE_MESSAGES = 10_000
+KEEP_ALIVE_S = 1.5  # on one computer a process that ends is noticed at once, and one that hangs by its supervisor
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 
@@ -50,9 +54,13 @@ class ProcessRunner:
         seed: of the run.
         queue_messages: maximum number of messages that wait for one subscriber; then the oldest is dropped and counted.
         faults: faults of the links between processes and broker.
+        plan: how the processes are supervised; names of its children are the processes' and "state_manager". Each
+            alone if not given, restarted after a failure; all end with the state manager.
+        health_at: host and port at which `snr health HOST:PORT` is answered while processes run; none if not given.
 
     Attributes:
         nodes: of the newest simulation, by role.
+        health_at: as above.
 
     Raises:
         ConfigError: a module or a class is not there or cannot be imported, or two processes have one name.
@@ -66,12 +74,15 @@ class ProcessRunner:
         seed: int = 0,
         queue_messages: int = QUEUE_MESSAGES,
         faults: LinkFaults | None = None,
+        plan: Supervisor | None = None,
+        health_at: tuple[str, int] | None = None,
     ) -> None:
         self.specs: list[ProcessSpec] = [_spec_of(one, Path(folder)) for one in processes]
         self.seed: int = seed
         self.nodes: dict[RoleName, Node] = {}
         self._queue_messages = queue_messages
         self._faults = faults
+        self.health_at: tuple[str, int] | None = health_at
         names = Counter(spec.name for spec in self.specs)
         for name, count in names.items():
             if not _NAME.fullmatch(name) or name == BROKER:
@@ -80,6 +91,16 @@ class ProcessRunner:
                 raise ConfigError(f"Two processes are named {name}.", fix=f"{name}.with_args(name='{name}2').")
         if not names:
             raise ConfigError("A ProcessRunner without processes.", fix="ProcessRunner([Drive, Gps]).")
+        self._plan = plan or Supervisor(
+            "root", [Child(BROKER, "on_failure", ends_all=True), *(Child(name, "on_failure") for name in names)]
+        )
+        planned = {process.name for process in self._plan.processes()}
+        if planned != {BROKER, *names}:
+            only = ", ".join(sorted(planned ^ {BROKER, *names}))
+            raise ConfigError(
+                f"The plan and the processes do not have the same names: {only}.",
+                fix=f"one Child for each process, and Child({BROKER!r}, 'on_failure', ends_all=True).",
+            )
 
     def config(self, folder: Path | None = None, secret: str | None = None) -> Config:
         """Return the wiring: a role for the broker, and one for each process.
@@ -89,9 +110,15 @@ class ProcessRunner:
             secret: of the links; a simulation needs none.
         """
         pair = SocketsPair(
-            ("127.0.0.1", 0), name=LINK, secret=secret, queue_pages=self._queue_messages, faults=self._faults
+            ("127.0.0.1", 0),
+            name=LINK,
+            secret=secret,
+            queue_pages=self._queue_messages,
+            faults=self._faults,
+            keep_alive_s=KEEP_ALIVE_S,
         )
-        roles: dict[RoleName, list[AnyFactory]] = {BROKER: [StateManager.factory(name=BROKER), pair.server()]}
+        broker = StateManager.factory(name=BROKER, plan=self._plan)
+        roles: dict[RoleName, list[AnyFactory]] = {BROKER: [broker, ReportLoop.factory(name="reports"), pair.server()]}
         for spec in self.specs:
             endpoint = ProcessEndpoint.factory(name=spec.name, spec=spec, folder=folder)
             loop = ProcessLoop.factory(name=f"{spec.name}{LOOP_SUFFIX}", process=spec.name)
@@ -136,16 +163,21 @@ class ProcessRunner:
         return Path(inspect.getfile(self.specs[0].kind)).resolve()
 
     def run(self, folder: Path | None = None) -> None:
-        """Run each in a process of its own, until Ctrl-C, SIGTERM, `terminate_state` or a failure.
+        """Run each in a process of its own, until Ctrl-C, SIGTERM, `terminate_state` or too many failures.
+
+        What fails, is killed or hangs is started again, the broker too.
 
         Args:
-            folder: of the run, for the logs; None writes none.
+            folder: of the run, for the logs and `health.json`; None writes none.
 
         Raises:
-            ComponentFailedError: a process failed; all have been ended.
+            SupervisionError: more failures than the plan allows; all have been ended.
         """
         config = self.config(folder, secrets.token_hex(16))
-        MultiProcRunner(config, seed=self.seed, run=partial(run_process, time.monotonic())).run()
+        if self.health_at is not None:
+            config.factories[BROKER].append(health_link(self.health_at).server(HEALTH, accept=()))
+        run = partial(run_process, time.monotonic())
+        SupervisedRunner(config, self._plan, seed=self.seed, folder=folder, health_to=BROKER, run=run).run()
 
 
 def run_process(start_s: float, role: RoleName, config: Config, seed: int, has_node: Callable[[Node], None]) -> None:

@@ -10,12 +10,13 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import Task
-from snr_sim.processes.message import PET, SUBSCRIPTIONS, page_of
+from snr_sim.processes.message import EXTEND, PET, SUBSCRIPTIONS, page_of
+from snr_sim.supervision.watch import PREVIOUS
 
 # A process reports that it works no more often than this: a loop of 50 Hz would send 50 pages a second.
 PET_PERIOD_S = 0.1
@@ -45,6 +46,7 @@ class Uplink:
         self._folder = folder
         self._is_connected = False
         self._pet_s = -math.inf
+        self._timeouts_s: list[float] = []
 
     def send(self, key: str, value: Any) -> None:
         """Publish a value under any key; raise a ValueEncodingError if it cannot be sent."""
@@ -58,16 +60,24 @@ class Uplink:
             self._pet_s = now_s
             self.send(PET, None)
 
+    def extend(self, timeout_s: float | Literal["PREVIOUS"]) -> None:
+        """Set the time for which the process may be silent [s]; "PREVIOUS" sets the one before."""
+        if timeout_s != PREVIOUS:
+            self._timeouts_s = [*self._timeouts_s[-1:], float(timeout_s)]
+        else:
+            self._timeouts_s = self._timeouts_s[:-1] * 2  # as of `Watch.extend`
+        self.send(EXTEND, timeout_s)
+
     def connect(self, is_up: bool) -> None:
-        """Note whether the broker is connected; a new connection begins with the whole list of subscriptions."""
+        """Note whether the broker is connected; a new connection begins with all that a new broker does not know."""
         was_up, self._is_connected = self._is_connected, is_up
         if is_up and not was_up:
-            self.report_keys([key for key, with_last in self.keys.items() if with_last])
+            self.report_keys([key for key, with_last in self.keys.items() if with_last], self._timeouts_s)
 
-    def report_keys(self, last: list[str]) -> None:
+    def report_keys(self, last: list[str], timeouts_s: list[float] | None = None) -> None:
         """Send the list of subscriptions, unless `connect` does it later; `last` are those whose last value to send."""
         if self._is_connected:
-            self.send(SUBSCRIPTIONS, {"keys": list(self.keys), "last": last})
+            self.send(SUBSCRIPTIONS, {"keys": list(self.keys), "last": last, "timeouts_s": timeouts_s})
 
     def log(self, level: str, text: str) -> None:
         """Write a line to stderr and to the log, and the text into the trace; a replay does none of it."""

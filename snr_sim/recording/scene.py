@@ -57,6 +57,7 @@ class Path:
 
 def points_of(shape: dict[str, Any]) -> Points:
     """Return points [m] that bound the whole shape, shape (n, 3), in the shape's own frame."""
+    shape = as_mesh(shape)
     kind = shape.get("kind")
     if kind == "box":
         half, center = np.array(shape["half_size_m"], float), np.array(shape["center_m"], float)
@@ -65,6 +66,19 @@ def points_of(shape: dict[str, Any]) -> Points:
         return around
     points = shape.get("points_m" if kind == "polyline" else "vertices_m", [])
     return np.array(points, np.float64).reshape(-1, 3)
+
+
+def as_mesh(shape: dict[str, Any]) -> dict[str, Any]:
+    """Return a height field as a mesh, two triangles for each of its squares; any other shape as it is."""
+    if shape.get("kind") != "heightfield":
+        return shape
+    (rows, columns), (west, south), (wide, high) = shape["shape"], shape["corner_m"], shape["spacing_m"]
+    x, y = np.meshgrid(west + wide * np.arange(columns), south + high * np.arange(rows))
+    vertices = np.stack([x.ravel(), y.ravel(), np.array(shape["heights_m"], float)], axis=1)
+    first = (columns * np.arange(rows - 1)[:, None] + np.arange(columns - 1)).ravel()
+    up = first + columns
+    triangles = np.stack([first, first + 1, up, first + 1, up + 1, up], axis=1).reshape(-1, 3)
+    return {"kind": "mesh", "vertices_m": vertices, "triangles": triangles.tolist(), "rgb": rgb_of(shape)}
 
 
 def size_of(shapes: Iterable[dict[str, Any]]) -> float:

@@ -10,6 +10,8 @@ from snr_sim.prelude.task import ensure_type_info
 
 Point: TypeAlias = tuple[float, float, float]
 Index: TypeAlias = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=2, lt=2**31)]
+Spacing: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
 Level: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=255)]
 
 
@@ -41,6 +43,15 @@ class Mesh(Shape, kw_only=True):
     triangles: Annotated[list[tuple[Index, Index, Index]], msgspec.Meta(min_length=1)]
 
 
+class HeightField(Shape, kw_only=True):
+    """A height for each place of a grid."""
+
+    corner_m: tuple[float, float]
+    spacing_m: tuple[Spacing, Spacing]
+    shape: tuple[Count, Count]
+    heights_m: list[float]
+
+
 class Tether(msgspec.Struct):
     """A line from a fixed point to one of a body."""
 
@@ -59,7 +70,7 @@ class Scene(msgspec.Struct):
     is_planar: bool = False
 
 
-KINDS: dict[str, type[Shape]] = {"box": Box, "polyline": Polyline, "mesh": Mesh}
+KINDS: dict[str, type[Shape]] = {"box": Box, "polyline": Polyline, "mesh": Mesh, "heightfield": HeightField}
 
 
 def check_scene(scene: dict[str, Any]) -> None:
@@ -72,3 +83,5 @@ def check_scene(scene: dict[str, Any]) -> None:
         read = msgspec.convert(shape, ensure_type_info(kind))
         if isinstance(read, Mesh) and max(map(max, read.triangles)) >= len(read.vertices_m):
             raise ValueError("a triangle has a corner that is not among the vertices")
+        if isinstance(read, HeightField) and read.shape[0] * read.shape[1] != len(read.heights_m):
+            raise ValueError("a height field has not as many heights as its shape says")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 from snr_sim.core.clocks import SimClock
@@ -24,6 +25,8 @@ from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import commands_of
 from snr_sim.supervision.multi_proc import MultiProcRunner
+from snr_sim.supervision.plan import Supervisor
+from snr_sim.supervision.supervised_runner import SupervisedRunner
 
 
 def record_program(
@@ -64,10 +67,12 @@ def record_roles(
     *,
     seed: int = 0,
     ends_all: Sequence[RoleName] = (),
+    plan: Supervisor | None = None,
 ) -> Path:
-    """Run several roles, each in a process, as `MultiProcRunner` does, and return their run folder.
+    """Run several roles, each in a process, and return their run folder.
 
-    The run folder has a folder for each role, with that role's trace: `snr replay FOLDER/ROLE` replays it.
+    The run folder has a folder for each role, with that role's trace: `snr replay FOLDER/ROLE` replays it. A role that
+    is started again has a further one, `ROLE.2` and so on, with a trace of its own.
 
     Args:
         config: of the robot.
@@ -76,15 +81,23 @@ def record_roles(
         out: folder that run folders go into.
         seed: of the run.
         ends_all: roles that end all others when they end.
+        plan: how roles are started again, by a `SupervisedRunner`; its children are the roles, in place of the two
+            above. If not given, a `MultiProcRunner` ends all when one fails.
 
     Raises:
         ConfigError: an object cannot be sent to a process, so none was started.
         ComponentFailedError: a role failed; all roles are recorded up to the failure.
+        SupervisionError: roles failed more often than the plan allows.
     """
+    if plan is not None and (roles is not None or ends_all):
+        raise ConfigError("A plan names the roles, and which one ends all.", fix="Child(role, ends_all=True).")
     folder = new_run_folder(Path(out), Path(program).stem, seed).resolve()
     try:
         run = partial(_record_one_of_several, folder, Path(program).resolve())
-        MultiProcRunner(config, roles, seed=seed, ends_all=ends_all, run=run).run()
+        if plan is None:
+            MultiProcRunner(config, roles, seed=seed, ends_all=ends_all, run=run).run()
+        else:
+            SupervisedRunner(config, plan, seed=seed, folder=folder, run=run).run()
     except ConfigError:
         discard(folder)
         raise
@@ -134,8 +147,14 @@ def _record(
 def _record_one_of_several(
     folder: Path, program: Path, role: RoleName, config: Config, seed: int, has_node: Callable[[Node], None]
 ) -> None:
-    (folder / role).mkdir()
-    _record(folder / role, program, role, config, seed, has_node)
+    own = folder / role
+    for start in count(2):
+        try:
+            own.mkdir()
+            break
+        except FileExistsError:  # of the process before
+            own = folder / f"{role}.{start}"
+    _record(own, program, role, config, seed, has_node)
 
 
 def program_header(

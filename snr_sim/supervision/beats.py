@@ -14,7 +14,8 @@ from pathlib import Path
 from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.standstill import progress_of
 
-BEAT_S = 0.5
+BEAT_S = 1.0
+START_S = 0.05  # period of checks until the first report: a restart is complete with it
 # With a shorter limit for a hang, reports are more frequent: so many per limit.
 BEATS_PER_HANG = 5
 
@@ -23,7 +24,7 @@ def beat_period_s(hang_s: float) -> float:
     """Return the period of the reports of a process that hangs after `hang_s` without one.
 
     >>> beat_period_s(5.0), beat_period_s(1.0)
-    (0.5, 0.2)
+    (1.0, 0.2)
     """
     return min(BEAT_S, hang_s / BEATS_PER_HANG)
 
@@ -56,7 +57,7 @@ class Beats:
     def run(self, period_s: float) -> None:
         """Check once a period, in a thread of its own, until the supervisor has gone."""
         while self.check():
-            time.sleep(period_s)
+            time.sleep(START_S if self._progress is None else period_s)
 
 
 def memory_mb() -> float | None:

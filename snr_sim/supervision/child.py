@@ -15,8 +15,9 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from queue import Empty
 from types import FrameType
 from typing import Any, TypeAlias
 
@@ -31,10 +32,12 @@ from snr_sim.prelude.waiting import TimedQueue
 from snr_sim.supervision.role_process import RoleRun
 
 TARGET = "snr_sim.supervision.role_process:run"
-PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
+POLL_PERIOD_S = 0.1
+IDLE_PERIOD_S = 0.25
+_PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
 
 # Events for the main thread: ("signal", name), ("failed", role, message, component), ("over", role, status),
-# ("unsendable", role, error, message), ("beat", role, ...) as in `supervision/beats.py`.
+# ("beat", role, ...) as in `supervision/beats.py`.
 ProcessEvent: TypeAlias = tuple[Any, ...]
 
 
@@ -57,29 +60,71 @@ class RoleProcesses:
         for role in roles:
             config.get(role)
         self.roles: list[RoleName] = list(roles)
-        self.events: TimedQueue[ProcessEvent] = TimedQueue()
         self.running: dict[RoleName, MonitoredProcess] = {}
+        self._events: TimedQueue[ProcessEvent] = TimedQueue()
         self._config = config
         self._seed = seed
         self._run = run
+        self._has_run = False
         self._orders: dict[RoleName, dict[str, Any]] = {}
         self._ports = [one for role in roles for one in config.get(role) if implements(one, PortFactory)]
 
-    def prepare(self) -> None:
-        """Open the ports, and pack what each process gets, so that a failure is reported before anything starts.
+    def run(
+        self, begin: Callable[[], object], handle: Callable[..., object], do_due: Callable[[], float], runner: str
+    ) -> None:
+        """Start processes, and pass on what happens to them, until the caller says that all is over.
+
+        Listening ports and pipes are opened here and inherited, so all roles know the number chosen for a port 0.
+
+        Args:
+            begin: starts the first ones.
+            handle: gets each event.
+            do_due: does what is due, after the events of a moment; returns how long to wait for further events, such as
+                `POLL_PERIOD_S`, 0 at the end.
+            runner: name of the caller's class, for messages.
 
         Raises:
-            ConfigError: an object cannot be sent to a process.
-            LinkError: a port is in use.
+            ConfigError: an object cannot be sent to a process, so none was started; or it has run before.
+            LinkError: a port is in use, so none was started.
         """
+        if self._has_run:
+            raise ConfigError(f"This {runner} has already run.", fix="make a new one for a new run.")
+        self._has_run = True
+        with signals_as(self._events):
+            try:
+                self._prepare()
+                begin()
+                self._release()
+                while (wait_s := do_due()) > 0.0:
+                    self._wait(handle, wait_s)
+            finally:
+                for process in self.running.values():  # only if this program fails itself
+                    process.kill()
+                    process.listener.join()
+                self._release()
+
+    def _prepare(self) -> None:
+        """Open the ports, and pack what each process gets, so that a failure is reported before anything starts."""
         for port in self._ports:
             port.claim()
         self._orders = {role: self._order(role) for role in self.roles}
 
-    def release(self) -> None:
-        """Close the ports here, once all have been started; processes that have them keep them."""
+    def _release(self) -> None:
+        """Close the ports here, once all have been started; processes that have them keep them.
+
+        An end of a pipe that stays open here would hide that its role has ended.
+        """
         for port in self._ports:
             port.release()
+
+    def _wait(self, handle: Callable[..., object], wait_s: float) -> None:
+        try:
+            event = self._events.get(wait_s)
+            while True:  # all that has arrived, before the caller judges what is due
+                handle(*event)
+                event = self._events.get(0.0)
+        except Empty:
+            return
 
     def start(self, role: RoleName, beat_s: float | None = None) -> MonitoredProcess:
         """Start the process of a role; it reports every `beat_s` that its node works, if that is given.
@@ -90,8 +135,14 @@ class RoleProcesses:
 
         def on_end(status: int, error: Exception | None) -> None:
             if error is not None:
-                self.events.put(("failed", role, f"{type(error).__name__}: {error}", ""))
-            self.events.put(("over", role, status))
+                self._events.put(("failed", role, f"{type(error).__name__}: {error}", ""))
+            self._events.put(("over", role, status))
+
+        def on_message(kind: str, *values: Any) -> None:
+            if kind == "unsendable":
+                kind, values = "failed", (str(values[0]), "")
+                process.kill()
+            self._events.put((kind, role, *values))
 
         order = self._orders.pop(role) if role in self._orders else self._order(role)
         order["beat_s"] = beat_s
@@ -99,7 +150,7 @@ class RoleProcesses:
             f"role '{role}'",
             TARGET,
             order,
-            lambda kind, *values: self.events.put((kind, role, *values)),
+            on_message,
             on_end,
             order["packed"]["descriptors"],
             out=lambda line: forward_line(sys.stdout, f"[{role}] {line}"),
@@ -109,17 +160,11 @@ class RoleProcesses:
         self.running[role] = process
         return process
 
-    def ended(self, role: RoleName) -> MonitoredProcess:
-        """Forget a process that has ended, and return it."""
+    def ended(self, role: RoleName, status: int) -> tuple[MonitoredProcess, str]:
+        """Forget a process that has ended; return it, and a message on how it ended."""
         process = self.running.pop(role)
         process.listener.join()
-        return process
-
-    def kill_all(self) -> None:
-        """Kill what runs, and wait for it: for a program that fails itself."""
-        for process in self.running.values():
-            process.kill()
-            process.listener.join()
+        return process, process.exit_message(status, "", _PRINTED_NOTHING)
 
     def _order(self, role: RoleName) -> dict[str, Any]:
         factories = self._config.get(role)

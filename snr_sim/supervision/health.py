@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from snr_sim.supervision.members import Branch, Process, State
 from snr_sim.supervision.tree import Tree
 
 FILE_NAME = "health.json"
+HEALTH = "health"  # key of the page
+PERIOD_S = 0.5
 
 
 class PartHealth(msgspec.Struct, frozen=True, kw_only=True):
@@ -52,14 +55,14 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     """The page: all parts of the tree, a supervisor before its members.
 
     Args:
-        supervisor_pid: process id of the supervisor.
+        supervisor_pid: process id of the supervisor; None in lock step, where there is none.
         is_degraded: whether a part does not work that should.
         is_safe_stop: whether the root has given up.
         why: the reason of the safe stop; empty without one.
         budget_left: how many failures more the root survives.
     """
 
-    supervisor_pid: int
+    supervisor_pid: int | None
     tree: list[PartHealth]
     is_degraded: bool
     is_safe_stop: bool
@@ -121,6 +124,32 @@ def _part_health(part: Branch | Process, tree: Tree, usage: Usage, now_s: float)
         waiting=usage.waiting,
         last_lines=list(usage.last_lines),
     )
+
+
+class HealthReports:
+    """When a page is due: at each change of a state or a number of restarts, and every `PERIOD_S`.
+
+    Attributes:
+        usages: by process.
+        changed: paths of the parts that had changed when the last page was made.
+    """
+
+    def __init__(self, tree: Tree) -> None:
+        self.usages: dict[str, Usage] = {process.name: Usage() for process in tree.root.processes()}
+        self.changed: set[str] = set()
+        self._tree = tree
+        self._states: dict[str, tuple[State, int]] = {}
+        self._due_s = -math.inf
+
+    def take(self, now_s: float) -> Health | None:
+        """Return the page if it is due."""
+        root = self._tree.root
+        states = {part.path: (part.state, part.restarts) for part in (root, *root.parts())}
+        self.changed = {path for path, state in states.items() if state != self._states.get(path)}
+        if not self.changed and now_s < self._due_s:
+            return None
+        self._states, self._due_s = states, now_s + PERIOD_S
+        return health_of(self._tree, self.usages, now_s)
 
 
 def write_health(folder: Path, health: Health) -> None:

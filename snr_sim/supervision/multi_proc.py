@@ -10,14 +10,13 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from queue import Empty
+from typing import Any
 
 from snr_sim.core.config import Config
-from snr_sim.core.inbox import POLL_PERIOD_S
 from snr_sim.core.standard_streams import print_line
 from snr_sim.prelude.component import RoleName
-from snr_sim.prelude.errors import ComponentFailedError, ConfigError
-from snr_sim.supervision.child import PRINTED_NOTHING, RoleProcesses, signals_as
+from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.supervision.child import POLL_PERIOD_S, RoleProcesses
 from snr_sim.supervision.role_process import RoleRun, run_role
 
 # Time for roles to halt everything: after the request, and after the interrupt. A role that is stuck ends itself before
@@ -64,59 +63,40 @@ class MultiProcRunner:
         self._failed: set[RoleName] = set()  # roles that reported their failure themselves
         self._failures: list[ComponentFailedError] = []
         self._signals = 0
-        self._has_run = False
         self._kill_at_s: float | None = None
 
     def run(self) -> None:
         """Run the roles until all have ended.
-
-        Listening ports and pipes are opened here and inherited, so all roles know the number chosen for a port 0.
 
         Raises:
             ConfigError: an object cannot be sent to a process, so none was started; or it has run before.
             LinkError: a port is in use, so none was started.
             ComponentFailedError: a role failed; all others have been ended.
         """
-        if self._has_run:
-            raise ConfigError("This MultiProcRunner has already run.", fix="make a new one for a new run.")
-        self._has_run = True
-        with signals_as(self._processes.events):
-            try:
-                self._start()
-                while self._processes.running:
-                    self._wait()
-            finally:
-                self._processes.kill_all()  # only if this program fails itself
+        self._processes.run(self._begin, self._handle, self._do_due, type(self).__name__)
         if self._failures:
             raise self._failures[0]
 
-    def _start(self) -> None:
-        try:
-            self._processes.prepare()
-            for role in self.roles:
-                self._processes.start(role)
-        finally:
-            self._processes.release()  # an end of a pipe that stays open here would hide that its role has ended
+    def _begin(self) -> None:
+        for role in self.roles:
+            self._processes.start(role)
 
-    def _wait(self) -> None:
-        wait_s = POLL_PERIOD_S if self._kill_at_s is None else min(POLL_PERIOD_S, self._kill_at_s - time.monotonic())
-        try:
-            what, *values = self._processes.events.get(wait_s)
-        except Empty:
-            if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
-                self._kill_at_s = None
-                self._overdue.update(self._processes.running)
-                for process in self._processes.running.values():
-                    process.kill()
-            return
+    def _handle(self, what: str, *values: Any) -> None:
         if what == "signal":
             self._on_signal(values[0])
         elif what == "failed":
             self._on_failure(*values)
-        elif what == "unsendable":
-            self._on_failure(values[0], str(values[1]), "")
         else:
             self._on_end(*values)
+
+    def _do_due(self) -> float:
+        running = self._processes.running
+        if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
+            self._kill_at_s = None
+            self._overdue.update(running)
+            for process in running.values():
+                process.kill()
+        return POLL_PERIOD_S if running else 0.0
 
     def _on_signal(self, name: str) -> None:
         self._signals += 1
@@ -138,11 +118,11 @@ class MultiProcRunner:
         self._end_all("SIGTERM", GRACE_S)
 
     def _on_end(self, role: RoleName, status: int) -> None:
-        process = self._processes.ended(role)
+        process, why = self._processes.ended(role, status)
         if role in self._overdue:
             self._on_failure(role, f"The process of role '{role}' did not end when it was asked, and was killed.", "")
         elif status and role not in self._failed and not process.is_killed:
-            self._on_failure(role, process.exit_message(status, "", PRINTED_NOTHING), "")
+            self._on_failure(role, why, "")
         elif role in self._ends_all:
             self._end_all("SIGTERM", GRACE_S)
 

@@ -87,11 +87,13 @@ class Child:
         name: of the process; for a role, the role's.
         restart: "always", also after it has ended by itself; "on_failure"; "never".
         timeouts: how long it may take.
+        ends_all: whether all others end once it has ended by itself, without a failure; then `restart` is for failures.
     """
 
     name: str
     restart: Restart = "always"
     timeouts: Timeouts = field(default_factory=Timeouts)
+    ends_all: bool = False
 
     def __post_init__(self) -> None:
         if self.restart not in ("always", "on_failure", "never"):
@@ -140,6 +142,14 @@ class Supervisor:
                 yield from child.names()
             else:
                 yield child.name
+
+    def processes(self) -> Iterator[Child]:
+        """Yield all processes below it, in the order of their start."""
+        for child in self.children:
+            if isinstance(child, Supervisor):
+                yield from child.processes()
+            else:
+                yield child
 
 
 def _check_positive(limits: Timeouts | Backoff) -> None:

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.interrupts import GRACE_PERIOD_S
@@ -21,11 +21,13 @@ from snr_sim.core.source_location import describe_error
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ComponentFailedError, SnrError
+from snr_sim.prelude.task import Page, Task
 from snr_sim.supervision.beats import Beats
 
 # Runs a role (its name, its config, seed), and calls the last argument with its node before the node begins.
 RoleRun: TypeAlias = Callable[[RoleName, Config, int, Callable[[Node], None]], None]
 
+SUPERVISOR = "supervisor"  # origin of the pages that a node gets from the program that has started its process
 # Time from the parent's end until this process exits, whether or not its components have halted.
 _ORPHAN_S = 3.0
 
@@ -42,7 +44,7 @@ def run(line: Connection) -> int:
             beats = Beats(node, messages.send)
             threading.Thread(target=beats.run, args=(order["beat_s"],), name="beats", daemon=True).start()
 
-    orders = (messages.receive, shutdown.end, shutdown.allow_begin, _ORPHAN_S)
+    orders = (messages.receive, shutdown.end, shutdown.take, _ORPHAN_S)
     threading.Thread(target=spawned.execute_messages, args=orders, daemon=True).start()
     # Before and after the run there is nothing to halt, so `end` needs no signals.
     signal.signal(signal.SIGTERM, lambda number, frame: None)
@@ -69,7 +71,7 @@ def run_role(role: RoleName, config: Config, seed: int, has_node: Callable[[Node
 
 
 class Shutdown:
-    """Shutdown of this process from outside."""
+    """Begin and shutdown of this process from outside, and pages for its node."""
 
     def __init__(self, messages: MessageLine) -> None:
         self._may_go = threading.Event()
@@ -82,9 +84,14 @@ class Shutdown:
         self._messages.send("ready")
         self._may_go.wait()
 
-    def allow_begin(self, kind: str) -> None:
-        """Let the node begin."""
-        self._may_go.set()
+    def take(self, kind: str, *values: Any) -> None:
+        """Let the node begin; or give it a page: its key, and its data."""
+        if kind == "go":
+            self._may_go.set()
+        elif self._node is not None:
+            key, data = values
+            page = Page(key, data, SUPERVISOR, self._node.get_time_s())
+            self._node.enqueue_input(Task.store_page(page), SUPERVISOR)
 
     def end(self, how: str) -> None:
         """End the node as a signal of that name would; code that does not return is interrupted.

@@ -37,12 +37,14 @@ class Tree:
         root: the supervisor at the top.
         watch: deadlines of the processes that start or run.
         safe_stop: why there was a safe stop; empty without one. It is never cleared.
+        is_stopping: whether all are being ended, so that nothing is started again.
     """
 
     def __init__(self, plan: Supervisor, backoff: Backoff | None = None) -> None:
         self.root: Branch = Branch(plan, None)
         self.watch: Watch = Watch()
         self.safe_stop: str = ""
+        self.is_stopping: bool = False
         self._backoff = backoff or Backoff()
         self._processes = {process.name: process for process in self.root.processes()}
         self._orders: list[Order] = []
@@ -96,7 +98,9 @@ class Tree:
             self.failed(name, why)
         process.life, process.kill_at_s = "failed" if process.has_failed else "ended", None
         restart = process.child.restart
-        if not is_asked and (restart == "always" or (restart == "on_failure" and process.has_failed)):
+        if not is_asked and process.child.ends_all and not process.has_failed:
+            self._stop()
+        elif not is_asked and (restart == "always" or (restart == "on_failure" and process.has_failed)):
             self._member_failed(process, process.why if process.has_failed else "it ended by itself", now_s)
         return self._settle(now_s)
 
@@ -231,5 +235,6 @@ class Tree:
 
     def _stop(self) -> None:
         """End all, and drop every pending restart; what fails from now on is being ended, so none follows."""
+        self.is_stopping = True
         self.root.down_from = 0
         self.root.cancel_restarts()

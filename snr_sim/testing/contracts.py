@@ -23,6 +23,7 @@ _SHAPES = {
     "polyline": {"points_m", "rgb", "radius_m"},
     "mesh": {"vertices_m", "triangles", "rgb"},
     "box": {"half_size_m", "center_m", "rgb"},
+    "heightfield": {"corner_m", "spacing_m", "shape", "heights_m", "rgb"},
 }
 _TETHER = {"anchor_m", "body", "place_m", "length_m"}
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from snr_sim.recording.columns import Floats
 from snr_sim.recording.records import Header
-from snr_sim.recording.scene import points_of, rgb_of, world_from_body
+from snr_sim.recording.scene import as_mesh, points_of, rgb_of, world_from_body
 from snr_sim.view.picture_bodies import body_parts, faces_of
 from snr_sim.view.picture_layout import PATH, SCENE, Labels, SheetPosition, SheetProjection, TrackView
 from snr_sim.view.picture_sheet import PALE, Part, Rgb, Sheet, mixed
@@ -28,7 +28,7 @@ def draw_drive(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     tracks = seen_from_above(tracks)
     main = next(iter(tracks.poses))
     bodies = header.scene["bodies"]
-    shapes = {name: shape_from_above(one) for name, one in header.scene.get("statics", {}).items()}
+    shapes = {name: shape_from_above(as_mesh(one)) for name, one in header.scene.get("statics", {}).items()}
     statics = list(shapes.values())
     path = tracks.poses[main][:, :3]
     size_m = float(np.ptp(np.concatenate([points_of(shape) for shape in bodies[main]])[:, :2], axis=0).max())

@@ -10,7 +10,7 @@ import numpy as np
 
 from snr_sim.recording.columns import Floats
 from snr_sim.recording.records import Header
-from snr_sim.recording.scene import points_of, rgb_of, world_from_body
+from snr_sim.recording.scene import as_mesh, points_of, rgb_of, world_from_body
 from snr_sim.view.picture_bodies import FLAME, body_parts, flame_parts, strongest_of
 from snr_sim.view.picture_layout import PATH, SCENE, SheetProjection, TrackView, feet_and_size
 from snr_sim.view.picture_sheet import FAINT, PALE, Part, Rgb, Sheet, mixed
@@ -68,7 +68,7 @@ def lowest_m(bodies: dict[str, list[dict[str, Any]]], poses: dict[str, Any]) -> 
 
 def ground_cuts(statics: dict[str, Any]) -> list[Cut]:
     """Return the sections of the static meshes with the plane of motion, the widest first: that is the ground."""
-    meshes = [shape for shape in statics.values() if shape.get("kind") == "mesh"]
+    meshes = [shape for shape in map(as_mesh, statics.values()) if shape.get("kind") == "mesh"]
     cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in meshes]
     return sorted((cut for cut in cuts if len(cut[1])), key=lambda cut: -float(np.ptp(cut[1][..., 0])))
 

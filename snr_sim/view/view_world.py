@@ -16,6 +16,7 @@ from snr_sim.recording.scene import (
     TETHER_LINE,
     Path,
     Points,
+    as_mesh,
     meshes_with_normals,
     points_of,
     rgb_of,
@@ -96,7 +97,7 @@ class SceneSender:
 
         A kind of a later version is skipped; the rest is still useful.
         """
-        rr = self._sender.rr
+        rr, shapes = self._sender.rr, [as_mesh(shape) for shape in shapes]
         kinds = {kind: [shape for shape in shapes if shape.get("kind") == kind] for kind in ("box", "polyline", "mesh")}
         if boxes := kinds["box"]:
             sizes, centers = [box["half_size_m"] for box in boxes], [box["center_m"] for box in boxes]

@@ -1,4 +1,4 @@
-"""Rover: a step in MuJoCo and in the plane, compared with MuJoCo's own of the same world; minutes of a climb.
+"""Rover: a step in MuJoCo and in the plane, compared with MuJoCo's own of the same world; a climb; processes.
 
 Run by `snr bench rover`.
 """
@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import rover_processes
 from harness import Row, compare
 
 from snr_sim.plants import DRY_SAND, HeightMap, Rover, Rover2D, RoverStart, make_hills, read_rover
@@ -87,6 +88,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
             ratio_limit=RATIO_LIMIT if i == 2 else None,
         )
     yield from climbs(2 if is_quick else 5)
+    yield from rover_processes.measure(is_quick)
 
 
 def climbs(rounds: int) -> Iterator[Row]:

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from snr_sim.supervision.health import health_of, write_health
+from tests.supervision.test_health_link import served
 from tests.supervision.world import World, group
 
 Snr = Callable[..., Any]
@@ -49,6 +50,22 @@ def test_health_of_a_supervisor_that_has_gone_says_so_with_status_1(snr: Snr, he
     answer = snr("health", here)
     assert answer.status == 1
     assert f"the supervisor, process {NO_PID}, does not run any more" in answer.err
+
+
+@pytest.mark.slow
+def test_health_of_a_robot_at_a_port_is_its_page_and_status_2_once_it_has_gone(snr: Snr, world: World) -> None:
+    with served(msgspec.to_builtins(health_of(world.tree, {}, 0.0))) as (host, port):
+        answer = snr("health", f"{host}:{port}", "--json", "--wait", 60)
+        assert (answer.status, answer.err, answer.json["is_supervised"]) == (0, "", True)
+        assert [part["name"] for part in answer.json["tree"]] == ["root", "drive", "gps"]
+    answer = snr("health", port, "--wait", 0.3)
+    assert (answer.status, f"No health has arrived from 127.0.0.1:{port} within 0.3 s" in answer.err) == (2, True)
+
+
+@pytest.mark.parametrize("port", ["0", "70000"])
+def test_health_of_a_port_out_of_range_is_status_2(snr: Snr, here: Path, port: str) -> None:
+    answer = snr("health", port)
+    assert (answer.status, f"'{port}' is not an address." in answer.err) == (2, True)
 
 
 def test_health_of_a_folder_without_the_file_is_status_2(snr: Snr, here: Path) -> None:

@@ -371,6 +371,50 @@ if __name__ == "__main__":
         assert answer.status == 0, answer.err
 
 
+@pytest.mark.slow
+def test_killed_role_and_its_restart_are_both_recorded_and_replay(snr: Snr, here: Path) -> None:
+    program = """
+import os, signal
+from pathlib import Path
+from snr_sim import Config, Loop, TaskType, tasks
+from snr_sim.scenario.program import record_roles
+from snr_sim.supervision import Child, Supervisor, Timeouts
+from snr_sim.testing.function_components import FunctionEndpointFactory
+
+
+def answer(task, task_id):
+    return tasks.terminate("done") if task.val_list[0].data == 100 else tasks.event("tock")
+
+
+class Eye(Loop):
+    max_tick_rate_hz = 100.0
+    count = 0
+
+    def loop(self):
+        self.count += 1
+        self.store_data("seen", self.count)
+        if self.count == 80 and not Path("killed").exists():
+            Path("killed").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+config = Config(factories={
+    "eye": [Eye.factory(name="eye"), FunctionEndpointFactory({(TaskType.store_page, "seen"): answer})]
+})
+if __name__ == "__main__":
+    child = Child("eye", "on_failure", Timeouts(setup_s=60.0))
+    print(record_roles(config, __file__, plan=Supervisor("root", [child])))
+"""
+    (here / "robot.py").write_text(program)
+    done = subprocess.run([sys.executable, "robot.py"], capture_output=True, text=True, check=True)
+    folder = Path(done.stdout.strip())
+    assert sorted(path.name for path in folder.iterdir()) == ["eye", "eye.2", "health.json"]
+    for role in ("eye", "eye.2"):
+        answer = snr("replay", folder / role, "--json")
+        assert (answer.status, answer.json["identical"]) == (0, True), answer.err
+    assert snr("health", folder).status == 1
+
+
 # view
 
 

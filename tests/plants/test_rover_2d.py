@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from snr_sim.plants.ground.dc_motor import Drive
 from snr_sim.plants.ground.height_map import HeightMap, flat, ramp
 from snr_sim.plants.ground.rocks import Ledge, Rock
 from snr_sim.plants.ground.rover import Rover, RoverStart
@@ -80,7 +81,7 @@ def test_rigid_vehicle_stands_as_on_equal_springs() -> None:
 def test_locked_rover_holds_up_to_the_angle_of_friction(degrees: float, holds: bool) -> None:
     angle = math.atan(0.5) + math.radians(degrees)
     rover = made(ramp((math.tan(angle), 0.0)), soil=Coulomb(0.5))
-    rover._friction._lines = [(0.0, 0.0, 1e3)] * 6
+    rover._friction.set_drives([Drive(friction_nm=1e3)] * 6)
     go(rover, 1.0)
     assert (rover.speed_mps < 0.015) == holds
 

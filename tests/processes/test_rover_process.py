@@ -11,9 +11,13 @@ from typing import Any
 import msgspec
 import pytest
 
+import snr_sim.links.link
 from snr_sim.core.clocks import SimClock
 from snr_sim.links.faults import LinkFaults
+from snr_sim.links.link import Link
+from snr_sim.links.messages import decode_page, encode_page
 from snr_sim.prelude.errors import ComponentFailedError, ConfigError
+from snr_sim.prelude.task import Page
 from snr_sim.processes.message import LINK_PAGE
 from snr_sim.processes.process_components import ProcessEndpoint
 from snr_sim.processes.rover_process import RoverProcess
@@ -22,6 +26,8 @@ from snr_sim.processes.state_manager import StateManager
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.supervision.health import Health
+from snr_sim.supervision.plan import Child, Supervisor
 
 HERE = Path(__file__).parent
 
@@ -77,6 +83,12 @@ def process(runner: ProcessRunner, name: str) -> Any:
 def broker(runner: ProcessRunner) -> StateManager:
     found = runner.nodes["state_manager"].components["state_manager"]
     assert isinstance(found, StateManager)
+    return found
+
+
+def link_of(runner: ProcessRunner) -> Link:
+    found = runner.nodes["state_manager"].components[LINK_PAGE]
+    assert isinstance(found, Link)
     return found
 
 
@@ -324,6 +336,37 @@ def test_broker_lists_subscribers_and_takes_changes() -> None:
     assert lists == ["k: B\nj: B", "k: A\nj: B"]
 
 
+def test_messages_are_forwarded_in_the_bytes_that_they_came_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    encoded: list[Page] = []
+
+    def encode(page: Page) -> bytes:
+        encoded.append(page)
+        return encode_page(page)
+
+    monkeypatch.setattr(snr_sim.links.link, "encode_page", encode)
+    numbers = [("k", i) for i in range(20)]
+    runner = simulate(
+        script("A", {1.0: publish(*numbers, ("unheard", 1))}), script("B", {2.0: publish(("k", 20))}, "k")
+    )
+    assert process(runner, "B").got == [*numbers, ("k", 20)]
+    assert [page.data for page in encoded if page.key == "k"] == list(range(21))  # by their publishers
+    assert link_of(runner)._arrived == {}
+
+
+def test_message_in_another_order_of_fields_is_encoded_again() -> None:
+    page = Page("k", {"process": False}, "A_node", 1.0, process=False)
+    raw = b'{"$":"page","process":false,"key":"k","origin":"A_node","created_at_s":1.0,"data":{"process":false}}'
+
+    def forward(it: Any) -> None:
+        assert decode_page(raw) == page
+        link_of(runner)._arrived[id(page)] = page, raw
+        link_of(runner).forward(page, ["B_node"])
+
+    runner = ProcessRunner([script("A", {1.0: forward}), script("B", {}, "k")])
+    runner.simulate(2.0)
+    assert process(runner, "B").got == [("k", {"process": False})]
+
+
 def test_silent_process_is_reported_once_and_can_extend_its_time() -> None:
     runner = simulate(
         script("Silent", {1.0: lambda it: None}),
@@ -335,6 +378,33 @@ def test_silent_process_is_reported_once_and_can_extend_its_time() -> None:
     found = re.findall(r"t = ([\d.]+) s: (\w+) has not reported for 5 s", notes(runner, "state_manager"))
     assert [name for _, name in found] == ["Silent", "Restored"]
     assert [6.0 <= float(time_s) <= 8.1 for time_s, _ in found] == [True, True]
+
+
+def test_extended_time_survives_a_new_connection_with_the_one_before() -> None:
+    acts = {0.5: 20.0, 1.0: 30.0, 12.0: "PREVIOUS"}
+    extends = {time_s: lambda it, to=to: it.watchdog_extend(to) for time_s, to in acts.items()}
+    runner = simulate(script("A", extends), faults=LinkFaults(cut=((2.0, 8.0),)), until_s=14.0)
+    assert broker(runner).watch.deadlines["A"].timeout_s == 20.0
+
+
+def test_health_of_all_arrives_twice_a_second_in_lock_step() -> None:
+    runner = simulate(script("A", {}, "health"), script("B", {3.0: lambda it: it.watchdog_pet()}))
+    pages = [msgspec.convert(data, Health) for _, data in process(runner, "A").got]
+    assert 19 <= len(pages) <= 22
+    last = pages[-1]
+    assert [(part.name, part.state) for part in last.tree] == [
+        (name, "running") for name in ("root", "state_manager", "A", "B")
+    ]
+    ages_s = [part.pet_age_s for part in last.tree[1:]]
+    assert ages_s == [0.0, pytest.approx(9.5, abs=0.5), pytest.approx(6.5, abs=0.5)]
+    assert last.supervisor_pid is None
+
+
+def test_plan_without_a_process_is_rejected_with_its_name() -> None:
+    with pytest.raises(
+        ConfigError, match=r"(?s)do not have the same names: B, state_manager\..*Child\('state_manager'"
+    ):
+        ProcessRunner([script("A"), script("B")], plan=Supervisor("root", [Child("A")]))
 
 
 def test_watchdog_reset_begins_the_silence_of_all_again() -> None:
@@ -404,6 +474,7 @@ def test_own_init_is_rejected() -> None:
         ("wd_extend", "self.watchdog_extend('v')"),
         ("wd_reset", "self.watchdog_reset()"),
         ("wd_other", "another name: 'my_wd_other'"),
+        ("health", "another name: 'my_health'. The supervisor's page has this one"),
         ("$speed", "a key without the $: 'speed'"),
     ],
 )

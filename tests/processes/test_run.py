@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from snr_sim.prelude.errors import ComponentFailedError
+from snr_sim.prelude.errors import SupervisionError
 from snr_sim.processes import ProcessRunner, RoverServer
+from snr_sim.supervision import Child, Intensity, Supervisor, Timeouts
 
 pytestmark = pytest.mark.slow
 
@@ -160,10 +161,15 @@ def test_messages_arrive_in_order_and_terminate_state_ends_all(tmp_path: Path) -
     assert logged(tmp_path) == {"Sends": ["setup", "True", "cleanup"], "Reads": ["setup", "True", "cleanup"]}
 
 
-def test_exception_in_loop_ends_all_and_names_the_line(tmp_path: Path) -> None:
-    with pytest.raises(ComponentFailedError, match=r'(?s)test_run.py, line \d+: raise ValueError\("no wheel"\)'):
-        ProcessRunner([Fails, Present]).run(tmp_path)
-    assert logged(tmp_path) == {"Fails": ["setup", "cleanup"], "Present": ["setup", "cleanup"]}
+def test_exceptions_in_loop_restart_the_process_then_end_all_with_the_line(
+    tmp_path: Path,
+) -> None:
+    children = [Child(name, "on_failure", Timeouts(setup_s=60.0)) for name in ("state_manager", "Fails", "Present")]
+    plan = Supervisor("root", children, intensity=Intensity(1, within_s=600.0))
+    reason = r'(?s)Fails failed 2 times in .*test_run.py, line \d+: raise ValueError\("no wheel"\)'
+    with pytest.raises(SupervisionError, match=reason):
+        ProcessRunner([Fails, Present], plan=plan).run(tmp_path)
+    assert logged(tmp_path) == {"Fails": ["setup", "cleanup"] * 2, "Present": ["setup", "cleanup"]}
 
 
 def test_handlers_loop_and_spawned_functions_have_threads_of_their_own(tmp_path: Path) -> None:

@@ -15,12 +15,22 @@ TRIANGLE = {
     "rgb": [0, 0, 255],
 }
 BOX = {"kind": "box", "half_size_m": [1, 1, 1], "center_m": [0.5, 0, 0], "rgb": [1, 2, 3], "label": "gate"}
+FIELD = {
+    "kind": "heightfield",
+    "corner_m": [0, 0],
+    "spacing_m": [1, 0.5],
+    "shape": [2, 3],
+    "heights_m": [0, 1, 2, 3, 4, 5],
+    "rgb": [9, 9, 9],
+}
 LINE = {"kind": "polyline", "points_m": [[0, 0, 0]], "rgb": [1, 2, 3], "radius_m": 0.1}
 
 
 def test_scene_of_known_and_later_kinds_is_accepted() -> None:
     check_scene({})
-    check_scene({"statics": {"a": TRIANGLE, "b": BOX, "c": {"kind": "sphere"}}, "bodies": {"d": [LINE]}, "later": 1})
+    check_scene(
+        {"statics": {"a": TRIANGLE, "b": BOX, "c": {"kind": "sphere"}, "f": FIELD}, "bodies": {"d": [LINE]}, "later": 1}
+    )
 
 
 @pytest.mark.parametrize(
@@ -37,6 +47,10 @@ def test_scene_of_known_and_later_kinds_is_accepted() -> None:
         {**BOX, "center_m": "x"},
         {**BOX, "rgb": [0, 0, 256]},
         {**BOX, "label": 1},
+        {**FIELD, "shape": [3, 3]},
+        {**FIELD, "shape": [1, 6]},
+        {**FIELD, "spacing_m": [1, 0]},
+        {**FIELD, "heights_m": [0, 1, 2, 3, 4, None]},
         {"kind": "polyline", "rgb": [0, 0, 0]},
         1,
     ],

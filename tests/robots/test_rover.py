@@ -182,6 +182,8 @@ def test_script_drives_through_three_gates_and_back(tmp_path: Path) -> None:
         ("rover_dead_motor", "pymunk"),
         ("rover_obstacle", "pymunk"),
         ("rover_square", "pymunk"),
+        ("rover_wheel_up", "mujoco"),
+        ("rover_arm", "mujoco"),
     ],
 )
 def test_rover_succeeds_with_every_seed(scenario: str, engine: str, seeds: range) -> None:

@@ -136,6 +136,32 @@ def test_broken_motor_is_found_in_time_and_the_rover_keeps_its_line(run: str, fa
     assert found[0][0] - result.metrics["broke_s"] < FOUND_S
 
 
+RACER = """
+from snr_sim import Endpoint, handles
+
+
+def factories(robot):
+    return [Racer.factory()]
+
+
+class Racer(Endpoint):
+    @handles("imu")
+    def on_imu(self, imu):
+        return self.store_data_task("drive", {"mode": "current", "values": [1.5] * 6})
+"""
+
+
+def test_lifted_wheels_race_under_torque_but_not_under_a_speed(tmp_path: Path) -> None:
+    result = simulate("rover_wheel_up mujoco 0", tmp_path)
+    assert (result.outcome, result.success, result.metrics["lifted"]) == ("passed", True, ["RB", "RF", "RM"])
+    (tmp_path / "racer.py").write_text(RACER, encoding="utf-8")
+    simulation = prepare(Request("rover_wheel_up", controller=str(tmp_path / "racer.py")))
+    plant = simulation.plant()
+    raced = SimulationRun(simulation, plant, simulation.config(plant)).run()
+    assert (raced.outcome, raced.success) == ("a wheel raced", False)
+    assert raced.metrics["ratio"] > 1.5 > result.metrics["ratio"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_broken_motor_is_found_over_its_serial_line_too(seed: int) -> None:

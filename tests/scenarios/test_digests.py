@@ -48,6 +48,7 @@ ELSEWHERE = {
     "dora_corners pymunk 1": "robots/test_dora.py",
     "dora_people pymunk 0": "robots/test_dora.py",
     "dora_people pymunk 1": "robots/test_dora.py",
+    "rover_arm mujoco 0": "robots/test_rover_arm.py",
     "rover_dead_motor mujoco 0": "robots/test_rover_motors.py",
     "rover_dead_motor mujoco 1": "robots/test_rover_motors.py",
     "rover_dead_motor mujoco 2": "robots/test_rover_motors.py",
@@ -63,6 +64,7 @@ ELSEWHERE = {
     "rover_teleop mujoco 0": "robots/test_rover.py",
     "rover_unplug pymunk 0": "robots/test_rover_unplug.py",
     "rover_waypoints mujoco 0": "robots/test_rover.py",
+    "rover_wheel_up mujoco 0": "robots/test_rover_motors.py",
 }
 
 

@@ -7,7 +7,15 @@ from pathlib import Path
 import pytest
 
 from snr_sim.prelude.errors import RecordingError
-from snr_sim.supervision.health import FILE_NAME, Usage, health_of, health_table, read_health, write_health
+from snr_sim.supervision.health import (
+    FILE_NAME,
+    HealthReports,
+    Usage,
+    health_of,
+    health_table,
+    read_health,
+    write_health,
+)
 from tests.supervision.world import World, group
 
 
@@ -54,6 +62,19 @@ def test_working_tree_is_not_degraded() -> None:
     assert health_of(world.tree, {}, 0.0).is_degraded
     world.pet("drive")
     assert not health_of(world.tree, {}, 0.0).is_degraded
+
+
+def test_report_is_due_at_each_change_and_every_half_second() -> None:
+    world = World(group("root", "drive", "gps"))
+    reports = HealthReports(world.tree)
+    assert reports.take(0.0) is not None
+    assert reports.changed == {"root", "root/drive", "root/gps"}
+    assert reports.take(0.4) is None
+    world.pet("drive")
+    assert reports.take(0.4) is not None
+    assert reports.changed == {"root/drive"}
+    assert [reports.take(now_s) is not None for now_s in (0.8, 0.9, 1.3, 1.4)] == [False, True, False, True]
+    assert reports.changed == set()
 
 
 def test_file_is_the_page_and_valid(tmp_path: Path, validator: Callable[[str], Callable[[object], bool]]) -> None:

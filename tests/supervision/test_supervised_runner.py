@@ -159,6 +159,11 @@ def test_child_that_is_not_a_role_raises_with_the_known_roles() -> None:
         SupervisedRunner(config, Supervisor("root", [Child("drive"), Child("gsp")]))
 
 
+def test_role_for_the_health_page_that_is_not_supervised_raises_unknown_name_error() -> None:
+    with pytest.raises(UnknownNameError, match="'gsp' is not supervised"):
+        SupervisedRunner(Config(factories={"drive": [], "gps": []}), health_to="gsp")
+
+
 def test_role_with_a_pipe_is_rejected_because_it_cannot_be_opened_again() -> None:
     pair = PipesPair()
     with pytest.raises(ConfigError, match="Role 'b' has a link over a pipe"):

@@ -1,5 +1,7 @@
 """The tree of processes: what is restarted and when, in which order all ends, and when it gives up."""
 
+from dataclasses import replace
+
 import hypothesis.strategies as st
 import pytest
 from hypothesis import example, given
@@ -78,6 +80,15 @@ def test_tree_is_over_once_all_have_ended_for_good() -> None:
     world.end("drive")
     assert world.tree.is_over
     assert world.tree.root.state == "ended"
+
+
+@pytest.mark.parametrize(("status", "log"), [(0, ["end gps"]), (1, [])])
+def test_child_that_ends_all_does_so_without_a_failure_only(status: int, log: list[str]) -> None:
+    world = World(group("root", replace(child("drive"), ends_all=True), "gps"))
+    world.take_log()
+    world.is_latched = status == 0
+    world.end("drive", status)
+    assert (world.take_log(), world.tree.is_stopping) == (log, status == 0)
 
 
 def test_rest_for_one_restarts_what_was_started_after_the_failed_child() -> None:

@@ -20,6 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from snr_sim.devices.sensors.ray_marching import HeightField
 from snr_sim.prelude.signals import Ball
 
 Floats: TypeAlias = npt.NDArray[np.float64]
@@ -170,6 +171,16 @@ class Rays:
         hit = depths - reach
         return hit, (depths > NEAREST_M) & (_dot(gaps, gaps) <= reach * reach) & (hit < before)
 
+    def intersect_height_field(self, shape: dict[str, Any]) -> None:
+        """Hit ground that is a height for each place."""
+        x, y, z = (one.reshape(-1) for one in self.directions)
+        depths = self.depths.reshape(-1)
+        found, levels = HeightField(shape).hits(self.origin_m, np.array((x, y, z)), depths)
+        first = (found > NEAREST_M) & (found < depths)
+        shades = 1.0 - STEEP_SHADE * (1.0 - levels[first])
+        depths[first] = found[first]
+        self.colors.reshape(-1, 3)[first] = shades[:, None] * np.array(shape["rgb"], dtype=float)
+
     def intersect_balls(self, balls: Sequence[Ball]) -> None:
         """Hit balls from outside, after the shapes. They are darker on their sides and below."""
         centers = np.array([ball.center_m for ball in balls], dtype=float).T - np.array(self.origin_m)[:, None]
@@ -225,6 +236,7 @@ def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] =
     """Intersect rays with the shapes of a scene, of the kinds in `prelude/plant.py`, and with balls that move."""
     triangles: list[Triangle] = []
     lines: list[Line] = []
+    fields: list[dict[str, Any]] = []
     for number, shape in enumerate(statics.values()):
         rgb = [float(value) for value in shape["rgb"]]
         if shape["kind"] == "polyline":
@@ -232,6 +244,8 @@ def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] =
         elif shape["kind"] == "mesh":
             vertices = shape["vertices_m"]
             triangles += [(number, (vertices[i], vertices[j], vertices[k]), rgb) for i, j, k in shape["triangles"]]
+        elif shape["kind"] == "heightfield":
+            fields.append(shape)
         else:
             (x, y, z), (dx, dy, dz) = shape["center_m"], shape["half_size_m"]
             corners = [(x + i * dx, y + j * dy, z + k * dz) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]
@@ -243,6 +257,8 @@ def intersect_scene(rays: Rays, statics: dict[str, Any], balls: Sequence[Ball] =
                 a, b, c, d = (corners[corner] for corner in face)
                 triangles += [(number, (a, b, c), rgb), (number, (a, c, d), rgb)]
     rays.intersect_shapes(triangles, lines)
+    for field in fields:
+        rays.intersect_height_field(field)
     if balls:
         rays.intersect_balls(balls)
 

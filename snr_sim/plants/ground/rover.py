@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from snr_sim.plants.ground.height_map import PLACE_M, HeightMap
+from snr_sim.plants.ground.manipulator import MujocoManipulator
 from snr_sim.plants.ground.motor_faults import MotorFault
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_instruments import RoverInstruments
@@ -29,7 +30,7 @@ from snr_sim.plants.ground.wheel_contacts import SoilAt, WheelContacts
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.parameter_limits import LIMITS, Record, check_number, check_valid
 from snr_sim.prelude.errors import ParameterError, UnknownNameError, suggest
-from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.ground_signals import ArmCommand, DriveCommand
 from snr_sim.prelude.sums import dot_product
 
 STEP_S = 0.002
@@ -78,6 +79,7 @@ class RoverState(NamedTuple):
     motors: tuple[Any, ...]
     contacts: tuple[Any, ...]
     measured: bytes  # rates and forces of the last step, which readings show
+    arm_rad: tuple[float, ...] = ()  # where its joints go to
 
 
 class Rover:
@@ -129,8 +131,11 @@ class Rover:
         self._dofs = axles.dofs
         self.motors: RoverMotors = RoverMotors(vehicle, axles)
         self._instruments = RoverInstruments(vehicle, world, self.motors, self.contacts)
-        self.inputs: tuple[str, ...] = self.motors.inputs
+        self._arm = MujocoManipulator(vehicle.arm, world) if vehicle.arm else None
+        self.inputs: tuple[str, ...] = (*self.motors.inputs, "arm") if self._arm else self.motors.inputs
         self._readers = self._instruments.readers()
+        if self._arm:
+            self._readers["arm"] = self._arm.reading
         self.outputs: tuple[str, ...] = tuple(self._readers)
         self.reset(seed)
 
@@ -141,6 +146,8 @@ class Rover:
         self.steps: int = 0
         self.seed: int = seed
         self._stand(start)
+        if self._arm:
+            self._arm.reset()
         self.motors.reset(start.charge)
         self.motors.neutral()
         self._kinematics(self._model, self._data)
@@ -198,9 +205,14 @@ class Rover:
         """Return the largest pressure of an obstacle so far."""
         return self.contacts.hit_n
 
-    def write(self, name: str, command: DriveCommand) -> None:
-        """Set what the motors do: all by "drive", or one by "motor_<wheel>"; see `RoverMotors.order`."""
-        self.motors.order(name, command, self.time_s)
+    def write(self, name: str, command: DriveCommand | ArmCommand) -> None:
+        """Set what the motors do: all by "drive", or one by "motor_<wheel>"; see `RoverMotors.order`; or "arm"."""
+        if isinstance(command, ArmCommand):
+            if self._arm is None or name != "arm":
+                raise UnknownNameError(f"The input '{name}' is not an arm.", fix=suggest(name, self.inputs))
+            self._arm.order(command, self.time_s)
+        else:
+            self.motors.order(name, command, self.time_s)
 
     def step(self, dt_s: float) -> None:
         """Advance by one step."""
@@ -210,7 +222,10 @@ class Rover:
         if self.time_s >= self.motors.until_s:
             self.motors.expire(self.time_s)
         rates = self._advance()
-        self.motors.draw(rates, step_s)
+        if self._arm:
+            self.motors.draw(rates, step_s, self._arm.advance(step_s))
+        else:
+            self.motors.draw(rates, step_s)
         self.steps += 1
         if self.steps * step_s >= self.motors.faults.next_s:
             self.motors.break_due(self.time_s)
@@ -231,7 +246,10 @@ class Rover:
         return rates
 
     def read(self, name: str) -> Any:
-        """Return an output: "motor_<wheel>" (a `MotorReading`), "imu", "pose" or "power" (`plants/outputs.py`)."""
+        """Return an output: "motor_<wheel>", "imu", "pose", "power" or, if it has one, "arm".
+
+        See `MotorReading`, `ArmReading` and `plants/outputs.py`.
+        """
         if name not in self._readers:
             raise UnknownNameError(f"This plant has no output '{name}'.", fix=suggest(name, self.outputs))
         return self._readers[name](self.time_s)
@@ -241,13 +259,17 @@ class Rover:
         buffer = np.zeros(self._size)
         self._world.mujoco.mj_getState(self._model, self._data, buffer, self._kind)
         measured = np.concatenate([self._data.sensordata, self._data.actuator_force]).tobytes()
-        return RoverState(self.steps, buffer.tobytes(), self.motors.snapshot(), self.contacts.snapshot(), measured)
+        goals_rad = self._arm.goals_rad if self._arm else ()
+        motors, contacts = self.motors.snapshot(), self.contacts.snapshot()
+        return RoverState(self.steps, buffer.tobytes(), motors, contacts, measured, goals_rad)
 
     def restore(self, snapshot: RoverState) -> None:
         """Put back what `snapshot` returned."""
         self.steps = snapshot.steps
         self.motors.restore(snapshot.motors)  # before MuJoCo's state, which holds what motors are commanded
         self.contacts.restore(snapshot.contacts)
+        if self._arm:
+            self._arm.goals_rad = snapshot.arm_rad
         data = self._data
         self._world.mujoco.mj_setState(self._model, data, np.frombuffer(snapshot.mujoco), self._kind)
         self._kinematics(self._model, data)

@@ -72,6 +72,7 @@ class Rover2D:
         self._soil_at = checked_soil(vehicle, ground, soil, step_s)
         chained = [wheel.name for wheel in vehicle.wheels if wheel.motor not in (OWN_MOTOR, NO_MOTOR)]
         check_valid(not chained, "What the motors of others turn", chained, "in the plane, use Dozer2D or Rover.")
+        check_valid(vehicle.arm is None, "The rover's arm in the plane", vehicle.arm, "leave it out, or use Rover.")
         self.vehicle: RoverVehicle = vehicle
         self.ground: HeightMap = ground
         self.obstacles: tuple[Obstacle, ...] = tuple(obstacles)
@@ -80,6 +81,9 @@ class Rover2D:
         self.engine: str = f"pymunk {pymunk_module().version}"
         self._loads = loads = RoverLoads(vehicle)
         self._rolling_m = [(1.0 - 0.5 * DEFLECTION) * wheel.radius_m for wheel in vehicle.wheels]
+        self._none = [0.0] * len(vehicle.wheels)
+        self._soils: tuple[Ground, ...] = ()
+        self._frictions: list[float] = []
         self._friction = WheelFriction2D(vehicle, loads, self._rolling_m, step_s)
         self.motors: RoverMotors = RoverMotors(vehicle, self._friction)
         self._space = obstacle_space(vehicle, ground, obstacles, loads.center_m)
@@ -154,27 +158,40 @@ class Rover2D:
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
         if self.time_s >= self.motors.until_s:
             self.motors.expire(self.time_s)
-        rates = [old.rates[i] for i in self._friction.driven]
-        self.motors.limit(rates)
-        state = self._drive(old)
+        old_rates = old.rates
+        motor_rates = [old_rates[i] for i in self._friction.driven]
+        self.motors.limit(motor_rates)
+        speeds, rates, drives_n, side_n, soils = self._drive(old)
+        hits = old.hit_n, old.hits, old.is_touching
         if self._contacts.is_due():
-            state = self._touch(state)
-        (x, y), (vx, vy, turn), before = old.position_m, state.speeds, old.speeds
-        self.state = state._replace(
-            position_m=(x + step_s * vx, y + step_s * vy),
-            heading_rad=old.heading_rad + step_s * turn,
-            turned_rad=tuple(a + step_s * rate for a, rate in zip(old.turned_rad, state.rates, strict=True)),
-            accelerations=((vx - before[0]) / step_s, (vy - before[1]) / step_s, (turn - before[2]) / step_s),
-            steps=old.steps + 1,
+            speeds, hits = self._touch(speeds, old)
+        (x, y), (vx, vy, turn), (old_vx, old_vy, old_turn) = old.position_m, speeds, old.speeds
+        self.state = PlanarState(
+            (x + step_s * vx, y + step_s * vy),
+            old.heading_rad + step_s * turn,
+            tuple(rates),
+            tuple([a + step_s * rate for a, rate in zip(old.turned_rad, rates, strict=True)]),
+            tuple(drives_n),
+            soils,
+            side_n,
+            speeds,
+            ((vx - old_vx) / step_s, (vy - old_vy) / step_s, (turn - old_turn) / step_s),
+            *hits,
+            old.steps + 1,
         )
-        self.motors.draw(rates, step_s)
+        self.motors.draw(motor_rates, step_s)
         if self.time_s >= self.motors.faults.next_s:
             self.motors.break_due(self.time_s)
 
-    def _drive(self, state: PlanarState) -> PlanarState:
-        """Return speeds, rates and forces after a step with gravity, motors and friction, without obstacles."""
+    def _drive(self, state: PlanarState) -> tuple[Speeds, list[float], list[float], float, tuple[Ground, ...]]:
+        """Return speeds, rates and forces after a step with gravity, motors and friction, without obstacles.
+
+        Forces are those of the ground on each wheel ahead and on all to the left; last is the soil under each wheel.
+        """
         step_s, (vx, vy, turn) = self.step_s, state.speeds
         soils = self._find_soils(state) if state.steps % SOIL_STEPS == 0 else state.soils
+        if soils != self._soils:
+            self._note_soils(soils)
         _, slope_x, slope_y = self.ground.at(*state.position_m)
         down = GRAVITY_MPS2 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)  # across the ground
         kick_x, kick_y = -step_s * down * slope_x, -step_s * down * slope_y
@@ -183,10 +200,12 @@ class Rover2D:
         body = cos * vx + sin * vy, cos * vy - sin * vx, turn
         kick = cos * kick_x + sin * kick_y, cos * kick_y - sin * kick_x
         loads = self._loads.shared(down, state.drives_n, state.side_n)
-        grips, drags = self._soil_forces(soils, body, state.rates, loads)
+        if self._frictions:
+            grips, drags = [friction * load for friction, load in zip(self._frictions, loads, strict=True)], self._none
+        else:
+            grips, drags = self._soil_forces(body, state.rates, loads)
         (ahead, left, turn), rates, drives, side_n = self._friction.advance(body, kick, state.rates, grips, drags)
-        speeds = cos * ahead - sin * left, sin * ahead + cos * left, turn
-        return state._replace(speeds=speeds, rates=tuple(rates), drives_n=tuple(drives), side_n=side_n, soils=soils)
+        return (cos * ahead - sin * left, sin * ahead + cos * left, turn), rates, drives, side_n, soils
 
     def _find_soils(self, state: PlanarState) -> tuple[Ground, ...]:
         """Find the kind of ground under each wheel."""
@@ -198,43 +217,49 @@ class Rover2D:
         places = (wheel.position_m for wheel in self.vehicle.wheels)
         return tuple(self._soil_at(x + cos * a - sin * b, y + sin * a + cos * b) for a, b, _ in places)
 
+    def _note_soils(self, soils: tuple[Ground, ...]) -> None:
+        """Compute what is constant on these soils: the friction of each wheel if all is firm, and none if not."""
+        self._soils, wheels = soils, self.vehicle.wheels
+        each = list(zip(wheels, soils, strict=True))
+        is_firm = all(isinstance(soil, Coulomb) for soil in soils)
+        self._frictions = [
+            one.friction_scale * soil.friction for one, soil in each if is_firm and isinstance(soil, Coulomb)
+        ]
+        (x, y), rolling_m = self._loads.center_m, self._rolling_m
+        self._on_soil = [
+            (one.position_m[0] - x, one.position_m[1] - y, m, one.friction_scale, soil.under(one.radius_m, one.width_m))
+            for (one, soil), m in zip(each, rolling_m, strict=True)
+        ]
+
     def _soil_forces(
-        self, soils: Sequence[Ground], speeds: Speeds, rates: Sequence[float], loads: Sequence[float]
+        self, speeds: Speeds, rates: Sequence[float], loads: Sequence[float]
     ) -> tuple[list[float], list[float]]:
         """Return the largest friction of each wheel [N], and the resistance of its soil [N s/m]."""
         ahead, left, turn = speeds
-        center_x, center_y = self._loads.center_m
         grips, drags = [], []
-        for wheel, soil, load_n, rate, rolling_m in zip(
-            self.vehicle.wheels, soils, loads, rates, self._rolling_m, strict=True
-        ):
-            if isinstance(soil, Coulomb):
-                grips.append(wheel.friction_scale * soil.friction * load_n)
-                drags.append(0.0)
-                continue
-            along = ahead - turn * (wheel.position_m[1] - center_y)
-            across = left + turn * (wheel.position_m[0] - center_x)
-            slip = slip_of(rate * rolling_m, along, across)
-            friction, back_n = soil.forces_at(slip, load_n, wheel.radius_m, wheel.width_m)
-            grips.append(wheel.friction_scale * friction * load_n)
+        for (x, y, rolling_m, scale, forces), load_n, rate in zip(self._on_soil, loads, rates, strict=True):
+            along, across = ahead - turn * y, left + turn * x
+            friction, back_n = forces(slip_of(rate * rolling_m, along, across), load_n)
+            grips.append(scale * friction * load_n)
             drags.append(back_n / math.sqrt(along * along + across * across + CREEP_MPS * CREEP_MPS))
         return grips, drags
 
-    def _touch(self, state: PlanarState) -> PlanarState:
-        """Return speeds after contacts with obstacles, and what was felt."""
-        vx, vy, turn = state.speeds
+    def _touch(self, before: Speeds, state: PlanarState) -> tuple[Speeds, tuple[float, int, bool]]:
+        """Return speeds after contacts with obstacles, and what has been felt so far.
+
+        Args:
+            before: speeds without contacts.
+            state: at the beginning of the step.
+        """
+        vx, vy, turn = before
         if not math.isfinite(vx + vy + turn):
             raise PlantError(f"At {self.time_s:g} s the state is no longer finite.", fix="look at the last commands.")
         self._space.put_body(*state.position_m, state.heading_rad)
-        speeds, hit_mps = self._contacts.resolve(self._space, state.speeds)
+        speeds, hit_mps = self._contacts.resolve(self._space, before)
         is_touching = hit_mps != 0.0
         hit_n = self._loads.mass_kg * math.hypot(speeds[0] - vx, speeds[1] - vy) / self.step_s
-        return state._replace(
-            speeds=speeds,
-            hit_n=max(state.hit_n, hit_n),
-            hits=state.hits + (is_touching and not state.is_touching),
-            is_touching=is_touching,
-        )
+        hits = state.hits + (is_touching and not state.is_touching)
+        return speeds, (max(state.hit_n, hit_n), hits, is_touching)
 
     def read(self, name: str) -> Any:
         """Return an output: "motor_<wheel>" (a `MotorReading`), "imu", "pose" or "power" (`plants/outputs.py`)."""

@@ -120,10 +120,11 @@ class RoverLoads:
             drives_n: force of the ground on each wheel, ahead.
             side_n: of all wheels together, to the left.
         """
-        return [
-            max(0.0, pressure_mps2 * at_rest + dot_product(by_drive, drives_n) + by_side * side_n)
+        loads_n = (
+            pressure_mps2 * at_rest + dot_product(by_drive, drives_n) + by_side * side_n
             for at_rest, by_drive, by_side in zip(self._at_rest, self._by_drive, self._by_side, strict=True)
-        ]
+        )
+        return [load_n if load_n > 0.0 else 0.0 for load_n in loads_n]
 
 
 def _levers(vehicle: RoverVehicle) -> tuple[Lever, list[tuple[Lever, Lever]]]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
+from snr_sim.plants.ground.manipulator import ARMATURE_KGM2, DAMP_S, STIFF_RAD, Rod
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_arms import SIDES, Arm, Place, arms_of, wheel_inertia_kgm2
 from snr_sim.plants.ground.rover_vehicle import NO_MOTOR, OWN_MOTOR, RoverVehicle, Wheel
@@ -55,6 +56,14 @@ def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str
         ' forcelimited="true" forcerange="-1 1"/>'
         for wheel in vehicle.motor_wheels
     )
+    arm = ""
+    if vehicle.arm:
+        motors += "".join(map(_servo, vehicle.arm.rods, vehicle.arm.torques_nm))
+        for rod, low, high in reversed(
+            list(zip(vehicle.arm.rods, vehicle.arm.lows_rad, vehicle.arm.highs_rad, strict=True))
+        ):
+            place = vehicle.arm.mount_m if rod.joint == "base" else (rod.begins_m, 0.0, 0.0)
+            arm = _rod(rod, place, low, high, arm)
     rocks = "".join(
         one.geom(f"obstacle_{i}") + ' condim="3" contype="4" conaffinity="2"/>' for i, one in enumerate(obstacles)
     )
@@ -79,7 +88,7 @@ def rover_mjcf(vehicle: RoverVehicle, obstacles: Sequence[Obstacle] = ()) -> str
       <site name="inertial_unit"/>
       <geom name="chassis" type="box" pos="{_text(vehicle.center_m)}" size="{_text([0.5 * x for x in vehicle.size_m])}"
         {SLICK} contype="2" conaffinity="4"/>
-      {hung}{fixed}
+      {hung}{fixed}{arm}
     </body>
   </worldbody>
   <contact>{pairs}<pair geom1="ground_belly" geom2="chassis" condim="3" friction="0.5 0.5 0 0 0"/></contact>
@@ -120,6 +129,26 @@ def _wheel(vehicle: RoverVehicle, wheel: Wheel, parent: Place) -> str:
         {_inertial((0.0, 0.0, 0.0), wheel.mass_kg, wheel_inertia_kgm2(wheel))}
         <geom name="wheel_{wheel.name}" type="sphere" size="{wheel.radius_m}" {SLICK} contype="2" conaffinity="4"/>
       </body>"""
+
+
+def _rod(rod: Rod, place: Place, low_rad: float, high_rad: float, carried: str) -> str:
+    """Return a part of the arm, with what it carries."""
+    across = rod.mass_kg * rod.length_m**2 / 12.0 + 1e-4 * rod.mass_kg
+    return f"""
+      <body name="{rod.name}" pos="{_text(place)}">
+        <joint name="arm_{rod.joint}" type="hinge" axis="{rod.axis}" armature="{ARMATURE_KGM2}"
+          limited="true" range="{low_rad} {high_rad}"/>
+        {_inertial((0.5 * rod.length_m, 0.0, 0.0), rod.mass_kg, (1e-4 * rod.mass_kg, across, across))}{carried}
+      </body>"""
+
+
+def _servo(rod: Rod, limit_nm: float) -> str:
+    """Return a servo: a torque that falls with the error of the angle and with its rate, integrated implicitly."""
+    gain = limit_nm / STIFF_RAD
+    return (
+        f'<general name="arm_{rod.joint}" joint="arm_{rod.joint}" gainprm="{gain}" biastype="affine"'
+        f' biasprm="0 {-gain} {-gain * DAMP_S}" forcelimited="true" forcerange="{-limit_nm} {limit_nm}"/>'
+    )
 
 
 def _soft(wheel: Wheel) -> str:

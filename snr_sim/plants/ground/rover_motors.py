@@ -47,9 +47,10 @@ class MujocoAxles:
     def __init__(self, vehicle: RoverVehicle, world: MujocoWorld) -> None:
         model, data = world.model, world.data
         self.dofs: list[int] = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.motor_wheels]
-        self._controls, self._torques = data.ctrl, data.actuator_force
-        self._gains, self._slopes = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 2]
-        self._ranges, self._friction = model.actuator_forcerange, model.dof_frictionloss
+        count = len(self.dofs)  # motors come before the servos of an arm
+        self._controls, self._torques = data.ctrl[:count], data.actuator_force[:count]
+        self._gains, self._slopes = model.actuator_gainprm[:count, 0], model.actuator_biasprm[:count, 2]
+        self._ranges, self._friction = model.actuator_forcerange[:count], model.dof_frictionloss
 
     def set_drives(self, drives: Sequence[Drive]) -> None:
         """Set what each motor does from now on."""
@@ -84,7 +85,8 @@ class RoverMotors:
         self._motors_of |= {name: (i,) for i, name in enumerate(names)}
         self.inputs: tuple[str, ...] = tuple(self._motors_of)
         self._commands: list[tuple[str, float]] = [("off", 0.0)] * self._count
-        self._per_motor = 1.0 / vehicle.motor.nm_per_a, vehicle.motor.resistance_ohm, vehicle.motor.v_per_radps
+        motor = vehicle.motor
+        self._per_motor = 1.0 / motor.nm_per_a, motor.resistance_ohm, motor.v_per_radps, vehicle.electronics_a
         limit_nm = self._motor.limit_a * self._motor.nm_per_a
         self._full_range = [(-limit_nm, limit_nm)] * self._count
         self.reset(1.0)
@@ -172,17 +174,16 @@ class RoverMotors:
             self._axles.set_limits(self._full_range)
             self._is_limited = False
 
-    def draw(self, rates: Sequence[float], step_s: float) -> None:
-        """Draw from the battery what motors and electronics have taken in a step."""
-        amperes, ohms, emf = self._per_motor
-        power_w = 0.0
+    def draw(self, rates: Sequence[float], step_s: float, power_w: float = 0.0) -> None:
+        """Draw from the battery what motors and electronics have taken in a step, and the power of an arm."""
+        amperes, ohms, emf, electronics_a = self._per_motor
         for torque, rate in zip(self._axles.torques_nm(), rates, strict=True):
             current_a = torque * amperes
             one_w = current_a * (current_a * ohms + rate * emf)
             if one_w > 0.0:  # the controllers burn what comes back
                 power_w += one_w
         before_v = self._voltage_v
-        current_a = self._vehicle.electronics_a + (power_w / before_v if before_v > 0.0 else 0.0)
+        current_a = electronics_a + (power_w / before_v if before_v > 0.0 else 0.0)
         self.current_a = current_a
         self._voltage_v = voltage_v = self.battery.voltage_v(current_a)
         self.battery.draw(current_a, voltage_v, step_s)

@@ -9,7 +9,7 @@ from typing import Any
 from snr_sim.plants.ground.height_map import HeightMap
 from snr_sim.plants.ground.rocks import Obstacle
 from snr_sim.plants.ground.rover_vehicle import RoverVehicle
-from snr_sim.plants.shapes import box, mesh, polyline
+from snr_sim.plants.shapes import box, height_field, mesh, polyline
 
 GROUND_RGB = [184, 142, 104]
 CHASSIS_RGB = [214, 214, 220]
@@ -29,18 +29,14 @@ def rover_scene(vehicle: RoverVehicle, ground: HeightMap, obstacles: Sequence[Ob
 
 
 def ground_shape(ground: HeightMap) -> dict[str, Any]:
-    """Return the ground as a mesh."""
+    """Return the ground as heights of places that are evenly apart."""
     size = [ground.spacing_m * (count - 2) for count in (ground.columns, ground.rows)]
     first = [corner + 0.5 * ground.spacing_m for corner in ground.corner_m]
     columns, rows = (min(GROUND_SIDE, count - 2) for count in (ground.columns, ground.rows))
-    xs = [first[0] + size[0] * i / columns for i in range(columns + 1)]
-    ys = [first[1] + size[1] * i / rows for i in range(rows + 1)]
-    vertices = [[x, y, ground.at(x, y)[0]] for y in ys for x in xs]
-    triangles = []
-    for k in (j * (columns + 1) + i for j in range(rows) for i in range(columns)):
-        up = k + columns + 1
-        triangles += [[k, k + 1, up], [k + 1, up + 1, up]]
-    return mesh(vertices, triangles, GROUND_RGB)
+    spacing = [size[0] / columns, size[1] / rows]
+    xs = [first[0] + spacing[0] * i for i in range(columns + 1)]
+    ys = [first[1] + spacing[1] * i for i in range(rows + 1)]
+    return height_field(first, spacing, [[ground.at(x, y)[0] for x in xs] for y in ys], GROUND_RGB)
 
 
 def rover_shapes(vehicle: RoverVehicle) -> dict[str, list[dict[str, Any]]]:
@@ -54,6 +50,9 @@ def rover_shapes(vehicle: RoverVehicle) -> dict[str, list[dict[str, Any]]]:
             on_rocker, on_bogie = ([w.position_m for w in ours if w.hangs_on == part] for part in ("rocker", "bogie"))
             bodies[f"rocker_{side}"] = [_bar(x - rx, z - rz) for x, _, z in on_rocker] + [_bar(bx - rx, bz - rz)]
             bodies[f"bogie_{side}"] = [_bar(x - bx, z - bz) for x, _, z in on_bogie]
+    if vehicle.arm:
+        for rod in vehicle.arm.rods:
+            bodies[rod.name] = [polyline([[0.0, 0.0, 0.0], [rod.length_m, 0.0, 0.0]], SPOKE_RGB, ARM_M)]
     bodies.update((f"wheel_{wheel.name}", _wheel(wheel.radius_m, wheel.width_m)) for wheel in vehicle.wheels)
     return bodies
 

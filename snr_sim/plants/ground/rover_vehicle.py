@@ -10,6 +10,7 @@ from typing import Annotated
 
 from snr_sim.plants.battery import BatteryPack
 from snr_sim.plants.ground.dc_motor import DcMotor
+from snr_sim.plants.ground.manipulator import Manipulator
 from snr_sim.plants.parameter_limits import GRAMS, IS_ABOVE, LIMITS, MILLIMETRES, Limit, Record, check_valid
 from snr_sim.prelude.errors import ParameterError, suggest
 from snr_sim.prelude.sums import ordered_sum
@@ -96,6 +97,7 @@ class RoverVehicle(Record, who="The rover's "):
         battery: of all.
         electronics_a: current of everything but the motors.
         suspension: None is a rigid one.
+        arm: None if there is not one; its mass comes on top of the chassis'.
 
     Raises:
         ParameterError: a number is out of range, names repeat, or what a wheel hangs on or is turned by is not there.
@@ -111,6 +113,7 @@ class RoverVehicle(Record, who="The rover's "):
     battery: Annotated[BatteryPack, "give a BatteryPack(...)."]
     electronics_a: Annotated[float, LIMITS["electronics_a"]] = 2.0
     suspension: Annotated[RockerBogie | None, "give a RockerBogie(...), or None."] = None
+    arm: Annotated[Manipulator | None, "give a Manipulator(...), or None."] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -146,4 +149,5 @@ class RoverVehicle(Record, who="The rover's "):
     def mass_kg(self) -> float:
         """Mass of all."""
         hung = 2.0 * (self.suspension.rocker_kg + self.suspension.bogie_kg) if self.suspension else 0.0
-        return self.chassis_kg + hung + ordered_sum(wheel.mass_kg for wheel in self.wheels)
+        carried = self.arm.mass_kg if self.arm else 0.0
+        return self.chassis_kg + carried + hung + ordered_sum(wheel.mass_kg for wheel in self.wheels)

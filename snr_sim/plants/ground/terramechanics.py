@@ -13,6 +13,7 @@ equations: Wong, Theory of Ground Vehicles, 4th edition (2008), sections 2.4 to 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
@@ -24,6 +25,7 @@ EXPONENT = Limit(0.1, 2.0, "", "soils have 0.1 to 1.3")
 COHESION = Limit(0.0, 1e6, "Pa", "dry sand has 1000, clay 4000", {"kPa": 1e3})
 FRICTION_ANGLE = Limit(0.0, 1.0, "rad", "dry sand has 0.49, 28 degrees", DEGREES)
 SHEAR_M = Limit(0.001, 0.2, "m", "sand has 0.01 to 0.025", MILLIMETRES)
+Forces: TypeAlias = tuple[float, float]  # traction over load, and the force that it takes to press the rut [N]
 CREEP_MPS = 1e-3  # below this speed there is no slip to speak of: 0 / 0
 
 
@@ -37,9 +39,14 @@ class Coulomb(Record, who="The ground's "):
 
     friction: Annotated[float, LIMITS["grip"]] = 0.8
 
-    def forces_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> tuple[float, float]:
+    def forces_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> Forces:
         """Return the coefficient, which is the same at every slip and load, and no resistance."""
         return self.friction, 0.0
+
+    def under(self, radius_m: float, width_m: float) -> Callable[[float, float], Forces]:
+        """Return what gives the same, of slip and load."""
+        forces = self.friction, 0.0
+        return lambda slip, load_n: forces
 
     def sinkage_m(self, load_n: float, radius_m: float, width_m: float) -> float:
         """Return 0."""
@@ -74,7 +81,7 @@ class Bekker(Record, who="The soil's "):
         stiffness = (3.0 - self.n) * (self.kc + width_m * self.kphi) * math.sqrt(2.0 * radius_m)
         return min(radius_m, float((3.0 * load_n / stiffness) ** (2.0 / (2.0 * self.n + 1.0))))
 
-    def forces_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> tuple[float, float]:
+    def forces_at(self, slip: float, load_n: float, radius_m: float, width_m: float) -> Forces:
         """Return traction over load at a slip, and the force that it takes to press the rut [N].
 
         Args:
@@ -82,16 +89,29 @@ class Bekker(Record, who="The soil's "):
             load_n: on the wheel.
             radius_m, width_m: of it.
         """
-        if load_n <= 0.0:
-            return 0.0, 0.0
-        sinkage_m = self.sinkage_m(load_n, radius_m, width_m)
-        resistance_n = float((self.kc + width_m * self.kphi) * sinkage_m ** (self.n + 1.0) / (self.n + 1.0))
-        length_m = math.sqrt(2.0 * radius_m * sinkage_m)
-        strength = width_m * length_m * self.cohesion_pa / load_n + math.tan(self.phi_rad)
-        sheared = slip * length_m / self.shear_m
-        if sheared < 1e-6:
-            return strength * 0.5 * sheared, resistance_n  # the first term of the series
-        return strength * (1.0 - (1.0 - math.exp(-sheared)) / sheared), resistance_n
+        return self.under(radius_m, width_m)(slip, load_n)
+
+    def under(self, radius_m: float, width_m: float) -> Callable[[float, float], Forces]:
+        """Return what gives the same for one wheel, of slip and load: what is constant is computed once."""
+        modulus, power, diameter_m = self.kc + width_m * self.kphi, self.n + 1.0, 2.0 * radius_m
+        bearing, share = (3.0 - self.n) * modulus * math.sqrt(diameter_m), 2.0 / (2.0 * self.n + 1.0)
+        cohesion_pa, shear_m, tan_phi = self.cohesion_pa, self.shear_m, math.tan(self.phi_rad)
+        sqrt, exp = math.sqrt, math.exp
+
+        def forces(slip: float, load_n: float) -> Forces:
+            if load_n <= 0.0:
+                return 0.0, 0.0
+            depth_m: float = (3.0 * load_n / bearing) ** share
+            depth_m = depth_m if depth_m < radius_m else radius_m
+            resistance_n: float = modulus * depth_m**power / power
+            length_m = sqrt(diameter_m * depth_m)
+            strength = width_m * length_m * cohesion_pa / load_n + tan_phi
+            sheared = slip * length_m / shear_m
+            if sheared < 1e-6:
+                return strength * 0.5 * sheared, resistance_n  # the first term of the series
+            return strength * (1.0 - (1.0 - exp(-sheared)) / sheared), resistance_n
+
+        return forces
 
 
 Ground: TypeAlias = Coulomb | Bekker
@@ -108,6 +128,8 @@ def slip_of(rolling_mps: float, forward_mps: float, sideways_mps: float) -> floa
         rolling_mps: its rate times its radius.
         forward_mps, sideways_mps: speed of its axle over the ground.
     """
-    sliding = math.hypot(rolling_mps - forward_mps, sideways_mps)
-    fastest = max(abs(rolling_mps), math.hypot(forward_mps, sideways_mps))
-    return min(1.0, sliding / (fastest + CREEP_MPS))
+    fastest, moving = abs(rolling_mps), math.hypot(forward_mps, sideways_mps)
+    if moving > fastest:
+        fastest = moving
+    slip = math.hypot(rolling_mps - forward_mps, sideways_mps) / (fastest + CREEP_MPS)
+    return slip if slip < 1.0 else 1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from struct import Struct
 from typing import Any
 
@@ -16,9 +17,11 @@ from snr_sim.plants.mujoco_engine import MujocoWorld
 
 PLACE_STEPS = 20  # until the nearest point of the ground is found, from none
 SOIL_STEPS = 10  # the kind of ground under a wheel is looked up each 0.02 s
-BELLY_STEPS = 5
+BELLY_STEPS, BELLY_MAX_STEPS = 5, 50  # the belly's plane is laid so often, and less often where the ground is far
+BELLY_MORE_MPS = 1.0  # what the belly can gain in speed until then, 0.1 s: as in free fall
 CREEP_MPS = 0.01  # below this speed the resistance of soil falls to 0 with it: where nothing moves there is none
 
+AWAY_M = 1000.0
 SoilAt = Callable[[float, float], Ground]
 
 
@@ -36,6 +39,7 @@ class WheelContacts:
         self._vehicle, self._data, self._ground, self._soil_at = vehicle, data, ground, soil_at
         bodies = [int(model.body(f"wheel_{wheel.name}").id) for wheel in vehicle.wheels]
         self._bodies, self._count = np.array(bodies), count
+        self._radii_m = [wheel.radius_m for wheel in vehicle.wheels]
         self._places, self._offsets = data.xpos.reshape(-1), [slice(3 * body, 3 * body + 3) for body in bodies]
         self._dofs = [int(model.joint(f"wheel_{wheel.name}").dofadr[0]) for wheel in vehicle.wheels]
         # Packing numbers into an array takes half the time of assigning a list to it.
@@ -45,12 +49,15 @@ class WheelContacts:
         self._pairs = model.pair_friction[:count, :2]
         self._velocities = data.sensordata[: 3 * count].reshape(count, 3)
         self._axles = data.sensordata[3 * count : 6 * count].reshape(count, 3)
-        self._forces = data.xfrc_applied
+        self._forces, self._drags = data.xfrc_applied, np.zeros((count, 6))
+        self._write_drags = Struct(f"{6 * count}d").pack_into
         self._chassis = int(model.body("chassis").id)
         (length, width, height), (x, y, z) = vehicle.size_m, vehicle.center_m
         self._belly = [
             (x + 0.5 * a * length, y + 0.5 * b * width, z - 0.5 * height) for a in (-1, 0, 1) for b in (-1, 0, 1)
         ]
+        self._belly_reach_m = max(math.dist((0.0, 0.0, 0.0), point) for point in self._belly)
+        self._step_s = float(model.opt.timestep)
 
     def reset(self) -> None:
         """Find the ground under each wheel, where the wheels are now."""
@@ -65,8 +72,9 @@ class WheelContacts:
             self.lay_planes()
         self._forces[self._bodies] = 0.0
         self._look_up_soil()
-        self._set_friction([self._soil_forces(i, 0.0, 0.0)[0] for i in range(self._count)])
+        self._set_friction([scale * forces(0.0, 0.0)[0] for scale, forces in self._on_soil])
         self._lay_belly()
+        self._belly_free = 0
 
     def lay_planes(self) -> None:
         """Lay the plane of each wheel at the ground nearest to it."""
@@ -85,7 +93,8 @@ class WheelContacts:
         self.lay_planes()
         if steps % SOIL_STEPS == 0:
             self._look_up_soil()
-        if steps % BELLY_STEPS == 0:
+        self._belly_free -= 1
+        if self._belly_free <= 0 and steps % BELLY_STEPS == 0:
             self._lay_belly()
 
     def after_step(self, velocities: Sequence[float]) -> None:
@@ -106,18 +115,20 @@ class WheelContacts:
         """Find the kind of ground under each wheel; firm ground has one friction, whatever the wheel does."""
         before, soil_at = self._soils, self._soil_at
         self._soils = soils = [soil_at(plane[0], plane[1]) for plane in self.planes]
-        if soils == before and self._is_firm:
+        if soils == before:
             return
+        self._note_soils()
         self._is_firm = all(isinstance(soil, Coulomb) for soil in soils)
         if self._is_firm:
             self._forces[self._bodies] = 0.0
-            self._set_friction([self._soil_forces(i, 0.0, 0.0)[0] for i in range(self._count)])
+            self._set_friction([scale * forces(0.0, 0.0)[0] for scale, forces in self._on_soil])
 
-    def _soil_forces(self, i: int, slip: float, load_n: float) -> tuple[float, float]:
-        """Return the friction coefficient of a wheel, and the resistance of its soil [N]."""
-        wheel = self._vehicle.wheels[i]
-        friction, resistance_n = self._soils[i].forces_at(slip, load_n, wheel.radius_m, wheel.width_m)
-        return wheel.friction_scale * friction, resistance_n
+    def _note_soils(self) -> None:
+        """Note what gives the forces of the soil under each wheel."""
+        self._on_soil = [
+            (wheel.friction_scale, soil.under(wheel.radius_m, wheel.width_m))
+            for wheel, soil in zip(self._vehicle.wheels, self._soils, strict=True)
+        ]
 
     def _set_friction(self, values: list[float]) -> None:
         self._frictions = values
@@ -126,27 +137,27 @@ class WheelContacts:
     def _apply_soil(self, rates: Sequence[float]) -> None:
         """Set friction and resistance of each wheel from load and slip."""
         frictions: list[float] = []
-        resistances = []
-        wheels, loads = self._vehicle.wheels, self.read_loads()
-        centers = self._data.xpos[self._bodies].tolist()
+        resistances: list[float] = []
+        loads, radii, places_m = self.read_loads(), self._radii_m, self._places.tolist()
+        centers = [places_m[at] for at in self._offsets]
         moving = zip(centers, self._velocities.tolist(), self._axles.tolist(), rates, strict=True)
-        for wheel, load, plane, ((x, y, z), (vx, vy, vz), (ax, ay, az), rate) in zip(
-            wheels, loads, self.planes, moving, strict=True
-        ):
-            px, py, pz, nx, ny, nz = plane
+        for radius_m, (scale, forces), load, (px, py, pz, nx, ny, nz), (
+            (x, y, z),
+            (vx, vy, vz),
+            (ax, ay, az),
+            rate,
+        ) in zip(radii, self._on_soil, loads, self.planes, moving, strict=True):
             above_m = (x - px) * nx + (y - py) * ny + (z - pz) * nz
             fx, fy, fz = ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx  # ahead, along the ground
             forward, across = vx * fx + vy * fy + vz * fz, vx * ax + vy * ay + vz * az
-            slip = slip_of(rate * 0.5 * (wheel.radius_m + above_m), forward, across)
-            friction, back_n = self._soil_forces(len(frictions), slip, load)
-            frictions.append(friction)
+            friction, back_n = forces(slip_of(rate * 0.5 * (radius_m + above_m), forward, across), load)
+            frictions.append(scale * friction)
             back_n /= math.sqrt(forward * forward + across * across + CREEP_MPS * CREEP_MPS)
             up = vx * nx + vy * ny + vz * nz
-            resistances.append(
-                (-back_n * (vx - up * nx), -back_n * (vy - up * ny), -back_n * (vz - up * nz), 0.0, 0.0, 0.0)
-            )
+            resistances += -back_n * (vx - up * nx), -back_n * (vy - up * ny), -back_n * (vz - up * nz), 0.0, 0.0, 0.0
         self._set_friction(frictions)
-        self._forces[self._bodies] = resistances
+        self._write_drags(self._drags.data, 0, *resistances)
+        self._forces[self._bodies] = self._drags
 
     def read_loads(self) -> list[float]:
         """Return the pressure of the ground on each wheel in the last step [N]."""
@@ -171,28 +182,37 @@ class WheelContacts:
         self._touching = frozenset(touching)
 
     def _lay_belly(self) -> None:
-        """Lay the belly's plane under that of its points which is nearest to the ground."""
-        (x, y, z), rotation = self._data.xpos[self._chassis].tolist(), self._data.xmat[self._chassis].tolist()
+        """Lay the belly's plane under that of its points which is nearest to the ground; find when it is due again."""
+        data, at = self._data, self._ground.at
+        (x, y, z), rotation = data.xpos[self._chassis].tolist(), data.xmat[self._chassis].tolist()
         a, b, c, d, e, f, g, h, i = rotation
-        at, lowest_m, lowest = self._ground.at, math.inf, (x, y)
-        for u, v, w in self._belly:
-            px, py, pz = x + a * u + b * v + c * w, y + d * u + e * v + f * w, z + g * u + h * v + i * w
-            above_m = pz - at(px, py)[0]
-            if above_m < lowest_m:
-                lowest_m, lowest = above_m, (px, py)
-        plane = self._ground.plane_at(*lowest)
-        self._belly_pos[:] = plane[:3]
-        self._belly_quat[:] = quaternion_to(*plane[3:])
+        points = [
+            (x + a * u + b * v + c * w, y + d * u + e * v + f * w, z + g * u + h * v + i * w) for u, v, w in self._belly
+        ]
+        heights = ((pz - at(px, py)[0], px, py) for px, py, pz in points)
+        above_m, lowest_x, lowest_y = min(heights, key=itemgetter(0))
+        px, py, pz, nx, ny, nz = self._ground.plane_at(lowest_x, lowest_y)
+        self._belly_pos[:] = px, py, pz
+        self._belly_quat[:] = quaternion_to(nx, ny, nz)
+        above_m = min(above_m, *((qx - px) * nx + (qy - py) * ny + (qz - pz) * nz for qx, qy, qz in points))
+        vx, vy, vz, *turns = data.qvel[:6].tolist()
+        fastest_mps = math.hypot(vx, vy, vz) + math.hypot(*turns) * self._belly_reach_m + BELLY_MORE_MPS
+        # Twice, on a steep slope; `min` has its first argument of NaN.
+        self._belly_free = int(min(float(BELLY_MAX_STEPS), above_m / (2.0 * fastest_mps * self._step_s)))
+        if self._belly_free > BELLY_STEPS:
+            self._belly_pos[2] -= AWAY_M  # a plane that was laid long ago must not touch
 
     def snapshot(self) -> tuple[Any, ...]:
         """Return all of its state that MuJoCo's does not hold."""
         known = tuple(self.planes), tuple(self._soils), self._is_firm, tuple(self._frictions)
-        return (*known, tuple(self.read_loads()), self.hit_n, self.hits, self._touching)
+        return (*known, tuple(self.read_loads()), self.hit_n, self.hits, self._touching, self._belly_free)
 
     def restore(self, snapshot: tuple[Any, ...]) -> None:
         """Put back what `snapshot` returned."""
-        planes, soils, self._is_firm, frictions, loads, self.hit_n, self.hits, self._touching = snapshot
+        planes, soils, self._is_firm, frictions, loads, self.hit_n, self.hits, *rest = snapshot
+        self._touching, self._belly_free = rest
         self.planes, self._soils, self._loads = list(planes), list(soils), list(loads)
+        self._note_soils()
         self._set_friction(list(frictions))
 
 

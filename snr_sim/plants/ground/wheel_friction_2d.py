@@ -33,6 +33,7 @@ NEAR = (0.002, 0.02, 0.02, 0.02, 0.02, 0.02)
 
 Line = tuple[float, float, float]  # torque at rest, its fall with the rate, dry friction
 Point = tuple[float, float, float]  # speed of the contact, rate of the wheel, torque of the line there
+REST2_MPS2, REST2_RADPS2 = REST_MPS * REST_MPS, REST_RADPS * REST_RADPS
 
 
 class WheelFriction2D:
@@ -52,16 +53,17 @@ class WheelFriction2D:
 
     def __init__(self, vehicle: RoverVehicle, loads: RoverLoads, rolling_m: Sequence[float], step_s: float) -> None:
         x_m, y_m = loads.center_m
-        self._wheels = []
+        self._places: list[tuple[float, float, float, float]] = []
         for wheel, radius_m in zip(vehicle.wheels, rolling_m, strict=True):
             rotor_kgm2 = vehicle.motor.wheel_kgm2 if wheel.motor == OWN_MOTOR else 0.0
             inertia_kgm2 = wheel_inertia_kgm2(wheel)[1] + rotor_kgm2
-            self._wheels.append((wheel.position_m[0] - x_m, wheel.position_m[1] - y_m, radius_m, inertia_kgm2))
+            self._places.append((wheel.position_m[0] - x_m, wheel.position_m[1] - y_m, radius_m, inertia_kgm2))
         self.driven: list[int] = [i for i, wheel in enumerate(vehicle.wheels) if wheel.motor == OWN_MOTOR]
         self._mass_kg, self._yaw_kgm2, self._step_s = loads.mass_kg, loads.yaw_kgm2, step_s
-        self._lines: list[Line] = [(0.0, 0.0, 0.0)] * len(self._wheels)
-        self._limits = [(0.0, 0.0)] * len(self._wheels)
-        self.restore((0.0,) * len(self._wheels))
+        self._lines: list[Line] = [(0.0, 0.0, 0.0)] * len(self._places)
+        self._limits = [(0.0, 0.0)] * len(self._places)
+        self._note_wheels()
+        self.restore((0.0,) * len(self._places))
 
     def snapshot(self) -> tuple[float, ...]:
         """Return the torques of the last step."""
@@ -75,11 +77,18 @@ class WheelFriction2D:
         """Set what each motor does from now on."""
         for i, one in zip(self.driven, drives, strict=True):
             self._lines[i] = one.value * one.gain_nm, one.slope_nms, one.friction_nm
+        self._note_wheels()
 
     def set_limits(self, limits_nm: Sequence[tuple[float, float]]) -> None:
         """Set the least and the largest torque of each motor."""
         for i, limits in zip(self.driven, limits_nm, strict=True):
             self._limits[i] = limits
+        self._note_wheels()
+
+    def _note_wheels(self) -> None:
+        """Put the numbers of each wheel into one row, since `advance` goes through them some times in each step."""
+        numbers = zip(self._places, self._lines, self._limits, strict=True)
+        self._wheels = [(*place, *line, *limits) for place, line, limits in numbers]
 
     def torques_nm(self) -> list[float]:
         """Return the torque of each motor in the last step, without its dry friction."""
@@ -102,72 +111,70 @@ class WheelFriction2D:
             grips_n: the largest force of each contact.
             drags: resistance of the soil to each wheel [N s/m], whether it rolls or slides.
         """
-        h, wheels, lines, limits = self._step_s, self._wheels, self._lines, self._limits
+        h, wheels = self._step_s, self._wheels
         ahead, left, turn = speeds
         points: list[Point] = []
-        for (x, y, radius, _), rate, (push, fall, _) in zip(wheels, rates, lines, strict=True):
+        for (x, y, radius, _, push, fall, _, _, _), rate in zip(wheels, rates, strict=True):
             along, across = ahead - turn * y - radius * rate, left + turn * x
-            slide = sqrt(along * along + across * across + REST_MPS * REST_MPS)
-            points.append((slide, sqrt(rate * rate + REST_RADPS * REST_RADPS), push - fall * rate))
+            slide, roll = sqrt(along * along + across * across + REST2_MPS2), sqrt(rate * rate + REST2_RADPS2)
+            points.append((slide, roll, push - fall * rate))
         mass_kg, yaw_kgm2 = self._mass_kg, self._yaw_kgm2
-        start_ahead, start_left, start_turn = (
-            mass_kg * (ahead + kick_mps[0]),
-            mass_kg * (left + kick_mps[1]),
-            yaw_kgm2 * turn,
-        )
+        start_ahead, start_left = mass_kg * (ahead + kick_mps[0]), mass_kg * (left + kick_mps[1])
+        start_turn = yaw_kgm2 * turn
         for near in NEAR:
             a11, a22, a33, a13, a23 = mass_kg, mass_kg, yaw_kgm2, 0.0, 0.0
             b1, b2, b3 = start_ahead, start_left, start_turn
             rows = []
-            for (x, y, radius, inertia), rate, (slide, roll, torque), (push, fall, dry), (
-                low,
-                high,
-            ), grip_n, drag in zip(wheels, rates, points, lines, limits, grips_n, drags, strict=True):
+            for (x, y, radius, inertia, push, fall, dry, low, high), rate, (slide, roll, torque), grip_n, drag in zip(
+                wheels, rates, points, grips_n, drags, strict=True
+            ):
                 if not low <= torque <= high:
                     push, fall = (low if torque < low else high), 0.0
                 grip = h * grip_n / slide
                 rolled = radius * grip
                 start = inertia * rate + h * push
                 heavy = inertia + h * (fall + dry / roll) + radius * rolled
-                stiff = grip * (1.0 - radius * rolled / heavy) + h * drag  # ahead, once the rate is eliminated
+                drag *= h
+                stiff = grip * (1.0 - radius * rolled / heavy) + drag  # ahead, once the rate is eliminated
                 pull = rolled * start / heavy
-                grip += h * drag
+                grip += drag
                 rows.append((rolled, start, heavy, stiff, pull, grip))
+                across, along = grip * x, stiff * y
                 a11 += stiff
                 a22 += grip
-                a13 -= stiff * y
-                a23 += grip * x
-                a33 += stiff * y * y + grip * x * x
+                a13 -= along
+                a23 += across
+                a33 += along * y + across * x
                 b1 += pull
                 b3 -= pull * y
             turn = (b3 - a13 * b1 / a11 - a23 * b2 / a22) / (a33 - a13 * a13 / a11 - a23 * a23 / a22)
             ahead, left = (b1 - a13 * turn) / a11, (b2 - a23 * turn) / a22
-            before, points, new_rates, drives, side_ns = points, [], [], [], 0.0
-            for (x, y, radius, _), (push, fall, _), (rolled, start, heavy, stiff, pull, grip) in zip(
-                wheels, lines, rows, strict=True
+            before, points, new_rates, drives, side_ns, is_near = points, [], [], [], 0.0, True
+            for wheel, (rolled, start, heavy, stiff, pull, grip), (old_slide, old_roll, old_torque) in zip(
+                wheels, rows, before, strict=True
             ):
+                x, y, radius, _, push, fall, _, low, high = wheel
                 along, across = ahead - turn * y, left + turn * x
                 rate = (start + rolled * along) / heavy
                 drives.append((pull - stiff * along) / h)
                 side_ns -= grip * across
                 along -= radius * rate
-                slide = sqrt(along * along + across * across + REST_MPS * REST_MPS)
+                slide, roll = sqrt(along * along + across * across + REST2_MPS2), sqrt(rate * rate + REST2_RADPS2)
+                torque = push - fall * rate
                 new_rates.append(rate)
-                points.append((slide, sqrt(rate * rate + REST_RADPS * REST_RADPS), push - fall * rate))
-            if self._are_near(before, points, near):
+                points.append((slide, roll, torque))
+                # Slopes of two passes are the same, and the same torques are at a limit.
+                if (
+                    abs(slide - old_slide) > near * old_slide
+                    or abs(roll - old_roll) > near * old_roll
+                    or (old_torque < low) != (torque < low)
+                    or (old_torque > high) != (torque > high)
+                ):
+                    is_near = False
+            if is_near:
                 break
         self._torques = [
-            min(high, max(low, torque)) for (_, _, torque), (low, high) in zip(points, limits, strict=True)
+            (high if torque > high else torque if torque > low else low)
+            for (_, _, torque), (*_, low, high) in zip(points, wheels, strict=True)
         ]
         return (ahead, left, turn), new_rates, drives, side_ns / h
-
-    def _are_near(self, before: Sequence[Point], after: Sequence[Point], near: float) -> bool:
-        """Return whether slopes of two passes are the same, and whether the same torques are at a limit."""
-        for (slide, roll, torque), (new_slide, new_roll, new_torque), (low, high) in zip(
-            before, after, self._limits, strict=True
-        ):
-            if abs(new_slide - slide) > near * slide or abs(new_roll - roll) > near * roll:
-                return False
-            if (torque < low, torque > high) != (new_torque < low, new_torque > high):
-                return False
-        return True

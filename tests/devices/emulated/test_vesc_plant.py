@@ -16,6 +16,7 @@ from snr_sim.recording.trace import FILE_NAME
 from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.scenario.simulation_run import RunResult, SimulationRun, run_recorded
 from snr_sim.testing.fakes import FakePlant
+from tests.lanes import nightly
 
 LONG = pytest.param("rover_waypoints", marks=pytest.mark.nightly)
 STATE = MotorReading(3.0, 1.5, 0.5, 0.25, 24.0, 7.0, 0.0)
@@ -74,7 +75,7 @@ def test_scripted_replugs_swap_sockets_and_device_files() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", ["rover_hill", "rover_teleop", LONG])
+@pytest.mark.parametrize("scenario", ["rover_hill", nightly("rover_teleop"), LONG])
 def test_rover_over_bytes_reaches_its_goal_with_the_same_digest_twice(scenario: str, tmp_path: Path) -> None:
     digests = []
     for i in range(2):

@@ -13,6 +13,7 @@ from snr_sim.plants.ground.rocks import Ledge
 from snr_sim.plants.ground.rover import RoverStart
 
 from .case import Case
+from .rover_arm import arm
 from .rover_kin import planar_vehicles
 from .rover_limits import in_the_air, tipping
 from .rover_plane import beside_mujoco, in_plane
@@ -316,6 +317,6 @@ def rover_cases() -> list[Case]:
     """Return all cases, in the order of the page."""
     groups = (
         loads_at_rest, leaning, tipping, in_the_air, rolling, turning, gripping, driven, stalled, on_soil, pulling,
-        coasting, sunken, suspended, refined, energy, planar_vehicles, in_plane, beside_mujoco,
+        coasting, sunken, suspended, refined, energy, planar_vehicles, in_plane, beside_mujoco, arm,
     )  # fmt: skip
     return [case for group in groups for case in group()]
