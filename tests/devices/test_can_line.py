@@ -11,10 +11,10 @@ import msgspec
 import pytest
 
 from snr_sim.cli.io_motors import lines_of
-from snr_sim.devices.emulated.emulated_can import STATUS_S, EmulatedCanNode
+from snr_sim.devices.emulated.emulated_can import EmulatedCanNode
 from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc, ScriptedFault
 from snr_sim.devices.motors.bench_check import measure_timeout
-from snr_sim.devices.motors.can_line import SILENT_S, CanLine
+from snr_sim.devices.motors.can_line import SILENT_S, STATUS_S, CanLine
 from snr_sim.devices.motors.motor_backend import MotorBackend
 from snr_sim.devices.motors.motor_guard import ControllerSettings, can_lines, open_links
 from snr_sim.devices.motors.ports_file import read_ports

@@ -8,10 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from snr_sim.devices.emulated.emulated_vesc import EmulatedVesc
+from snr_sim.devices.motors.can_line import STATUS_S
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.devices.wire.can_messages import CanFrame, CanStatus, CanVescCodec
-
-STATUS_S = 0.02  # between two reports of its state
 
 
 class EmulatedCanNode:

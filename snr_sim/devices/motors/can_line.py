@@ -18,7 +18,8 @@ from snr_sim.devices.wire.can_bus import CanBus
 from snr_sim.devices.wire.can_messages import CanFrame, CanStatus, CanVescCodec, status_controller
 from snr_sim.prelude.errors import DeviceError
 
-SILENT_S = 0.1  # a controller that sends nothing for this time is lost: five times its period
+STATUS_S = 0.02  # between two frames of one kind
+SILENT_S = 5.0 * STATUS_S  # a controller that sends nothing for this time is lost
 _FIRST_S, _WAIT_S, _WAITS = 0.5, 0.02, 256  # for its first frame, among those of others
 
 
@@ -56,7 +57,7 @@ class SharedCan:
                 self._end("The CAN bus was closed.")
 
     def exchange(self, port: ControllerPort, frame: CanFrame | None = None, wait_s: float = 0.0) -> None:
-        """Send a frame, wait until one arrives, and sort what has arrived.
+        """Send a frame; or wait until one arrives, and sort what has arrived.
 
         Raises:
             DeviceError: the part is closed, or the bus is gone, which closes it for all.
@@ -67,6 +68,7 @@ class SharedCan:
             try:
                 if frame is not None:
                     self._bus.send(frame)
+                    return
                 if wait_s:
                     self._bus.wait(wait_s)
                 for received in self._bus.receive():

@@ -1,7 +1,8 @@
 """CAN buses: the only module that imports python-can. Sends and receives frames; explains why a bus fails.
 
     can:socketcan:can0      a bus of the kernel, Linux: `ip link set can0 up type can bitrate 500000`
-    can:slcan:/dev/ttyACM0  an adapter at a serial port, at 500 kbit/s
+    can:slcan:/dev/ttyACM0  an adapter at a serial port, at 500 kbit/s, for few controllers: it is read byte by byte.
+                            For a rover, `slcand -o -s6 /dev/ttyACM0 can0` makes it a bus of the kernel.
     can:virtual:NAME        all that open this name in one process
 
 Nothing here has a thread, and only `wait` blocks, so virtual buses also run in simulated time.
@@ -74,7 +75,8 @@ class CanBus:
         if kind not in _KINDS or not channel or not text.startswith(PREFIX):
             raise UnknownNameError(f"'{text}' is not a CAN bus.", fix=f"can:KIND:CHANNEL; {suggest(kind, _KINDS)}")
         self._can = _python_can()
-        options = {"bitrate": _BITS_PER_S} if kind == "slcan" else {}
+        self._is_text = kind == "slcan"
+        options = {"bitrate": _BITS_PER_S} if self._is_text else {}
         try:
             self._bus: Any = self._can.Bus(interface=kind, channel=channel, ignore_config=True, **options)
         except (OSError, ValueError, self._can.CanError) as error:
@@ -133,8 +135,13 @@ class CanBus:
     def _receive(self, seconds: float) -> Any:
         try:
             return self._bus.recv(seconds)
-        except (OSError, ValueError, self._can.CanError) as error:
-            raise self._lost_error(error) from error
+        except (OSError, ValueError, IndexError, self._can.CanError) as error:
+            is_damaged = isinstance(error, (ValueError, IndexError)) or isinstance(error.__cause__, UnicodeError)
+            if not (self._is_text and is_damaged):
+                raise self._lost_error(error) from error
+            self._errors += 1
+            self._bus.flush()
+            return None
 
     def _note_error(self, bits: int) -> None:
         self._errors += 1

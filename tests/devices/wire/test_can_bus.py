@@ -2,6 +2,7 @@
 
 import errno
 import os
+import select
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -152,15 +153,25 @@ def test_frames_cross_a_bus_of_the_kernel() -> None:
 def test_frames_cross_an_adapter_at_a_serial_port(tmp_path: Path) -> None:
     adapter = PtyEnd(tmp_path / "adapter")
     bus = CanBus(f"can:slcan:{adapter.path}")
-    assert {b"S6", b"O"} <= set(adapter.read().split(b"\r"))  # 500 kbit/s, and open
     bus.send(CanFrame(0x307, bytes.fromhex("00000881")))
-    assert adapter.read() == b"T00000307400000881\r"
-    adapter.write(b"T0000090780000198300FF00FA\rt12c101\r")
+    received = b""
+    while not received.endswith(b"\rT00000307400000881\r") and select.select([adapter], [], [], 5.0)[0]:
+        received += adapter.read()
+    assert received.endswith(b"\rT00000307400000881\r")
+    assert {b"S6", b"O"} <= set(received.split(b"\r"))  # 500 kbit/s, and open
+    for line, frame in (
+        (b"T0000090780000198300FF00FA\r", CanFrame(0x907, bytes.fromhex("0000198300FF00FA"))),
+        (b"t12c101\r", CanFrame(0x12C, b"\x01", is_extended=False)),
+    ):
+        adapter.write(line)
+        assert bus.wait(5.0)
+        assert bus.receive() == [frame]
+    for i, damaged in enumerate((b"T00000907800001983xx\r", b"T\r", b"\xff\r")):
+        adapter.write(damaged)
+        assert not bus.wait(5.0)
+        assert bus.counts()["errors"] == i + 1
+    adapter.write(b"t12c101\r")
     assert bus.wait(5.0)
-    assert bus.receive() == [
-        CanFrame(0x907, bytes.fromhex("0000198300FF00FA")),
-        CanFrame(0x12C, b"\x01", is_extended=False),
-    ]
     adapter.close()
     with pytest.raises(DeviceError, match="is gone"):
         bus.receive()
