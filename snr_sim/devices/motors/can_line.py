@@ -80,6 +80,14 @@ class SharedCan:
                 raise
             self.counts = self._bus.counts()
 
+    def take(self, port: ControllerPort, wait_s: float) -> list[CanFrame]:
+        """Return the newest frame of each kind, as `exchange` sorts them, after waiting for one; errors as there."""
+        with self._lock:
+            if not port.newest:  # else another line has found some; a look at an adapter takes 1 ms
+                self.exchange(port, wait_s=wait_s)
+            newest, port.newest = port.newest, {}
+            return list(newest.values())
+
     def _end(self, fault: str) -> None:
         bus, self._bus, self._fault, self._ports = self._bus, None, fault, {}
         if bus is not None:
@@ -168,9 +176,8 @@ class CanLine(ControllerLine[ControllerPort]):
         return {"frames": self._frames, "unknown": self._codec.unknown, **self._shared.counts}
 
     def _take(self, port: ControllerPort, wait_s: float = 0.0) -> None:
-        self._shared.exchange(port, wait_s=wait_s)
-        frames, port.newest, now_s = port.newest, {}, self.now_s()
-        for frame in frames.values():
+        frames, now_s = self._shared.take(port, wait_s), self.now_s()
+        for frame in frames:
             status = self._codec.decode(frame)
             if isinstance(status, CanStatus):
                 self._frames, self._received_s = self._frames + 1, now_s

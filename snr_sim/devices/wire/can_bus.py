@@ -1,8 +1,8 @@
 """CAN buses: the only module that imports python-can. Sends and receives frames; explains why a bus fails.
 
     can:socketcan:can0      a bus of the kernel, Linux: `ip link set can0 up type can bitrate 500000`
-    can:slcan:/dev/ttyACM0  an adapter at a serial port, at 500 kbit/s, for few controllers: it is read byte by byte.
-                            For a rover, `slcand -o -s6 /dev/ttyACM0 can0` makes it a bus of the kernel.
+    can:slcan:/dev/ttyACM0  an adapter at a serial port, at 500 kbit/s. It is read byte by byte, which takes ten times
+                            as long: `slcand -o -s6 /dev/ttyACM0 can0` makes it a bus of the kernel
     can:virtual:NAME        all that open this name in one process
 
 Nothing here has a thread, and only `wait` blocks, so virtual buses also run in simulated time.
@@ -22,7 +22,7 @@ PREFIX = "can:"
 MAX_WAITING = 64  # frames that are not out yet
 _KINDS = ("socketcan", "slcan", "virtual")
 _BITS_PER_S = 500_000  # what VESC controllers are delivered with
-_MAX_RECEIVED = 1000  # in one call: a bus that is full must not hold its reader
+_MAX_RECEIVED = 200  # in one call: a bus that is full must not hold its reader
 _BUS_OFF = 0x40  # bit of an error frame's id: linux/can/error.h
 
 
