@@ -23,7 +23,7 @@ CONTROLLER = "dead_reckoning"
 TIME_LIMIT_S = 40.0
 
 END_M, MAX_OFF_M = 6.0, 1.0
-LEVEL = HeightMap([[0.0] * 3] * 3, 10.0, (-10.0, -10.0))
+LEVEL = HeightMap([[0.0] * 5] * 5, 10.0, (-20.0, -20.0))
 HALF_LENGTH_M, HALF_WIDTH_M = 0.15, 0.2
 MAX_RATIO, MIN_RADPS = 1.5, 1.0  # slower wheels on the ground count as that fast
 SAMPLE_S = 0.02

@@ -11,6 +11,7 @@ import typer
 
 from snr_sim.cli.arguments import AsJson, address_of
 from snr_sim.cli.output import print_json, print_note, print_text
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.supervision.health import health_table, read_health
 
 _ADDRESS = re.compile(r"\d+|\S+:\d+")
@@ -25,6 +26,8 @@ def health(
 
     Exit status 0: all that is to run is running; 1: it is not; 2: the folder has no health.json, or no answer came.
     """
+    if not 0.0 < wait < float("inf"):
+        raise ParameterError(f"--wait is {wait:g}.", fix="seconds, such as --wait 3.")
     is_address = _ADDRESS.fullmatch(where) is not None and not Path(where).exists()
     if is_address:
         from snr_sim.supervision.health_link import ask_health

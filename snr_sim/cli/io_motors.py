@@ -40,9 +40,16 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
         raise ParameterError("--identify and --check-timeout need controllers at ports.", fix="--io ports:FILE")
     path = Path(chosen.address)
     ports, settings = read_ports(path), simulation.robot_file.controller_settings(simulation.context(None))
+    found = lines_of(ports, settings)
+    if not found:
+        raise ParameterError(
+            f"There is no serial port in {ports.links}, which {path} is about.",
+            fix=f'plug the controllers in, or write into {path}: links = "FOLDER".',
+        )
     _confirm(path)
+    ports.write(path)  # before a motor turns, as its result must have a place
     is_ok = True
-    for line in lines_of(ports, settings):
+    for line in found:
         try:
             with _opened(line):
                 if identify:
@@ -54,7 +61,8 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
         except DeviceError as error:
             is_ok = False
             print_text(f"{line.name}: {error}")
-    ports.write(path)
+        finally:
+            ports.write(path)  # what is known is kept if the next one is not waited for
     return 0 if is_ok else 1
 
 

@@ -11,7 +11,7 @@ import typer
 from snr_sim.cli.arguments import AsJson, Out, address_of
 from snr_sim.cli.output import capture_output, print_json, print_text
 from snr_sim.core.standard_streams import print_line
-from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, SupervisionError
+from snr_sim.prelude.errors import ComponentFailedError, ConfigError, ParameterError, RecordingError, SupervisionError
 
 if TYPE_CHECKING:
     from snr_sim.processes.runner import ProcessRunner
@@ -40,7 +40,7 @@ def processes(
 
     runner = runner_of(file, names or [], seed)
     if health_at:
-        runner.health_at = address_of(health_at, "an address")
+        runner.health_at = _health_address(health_at, sim_s)
     error, folder = "", None if sim_s else new_run_folder(out, file.stem, seed)
     with capture_output(as_json):
         try:
@@ -48,6 +48,7 @@ def processes(
                 folder = runner.simulate(sim_s, out)
             else:
                 runner.run(folder.resolve())
+                error = _failures(folder)
         except (ComponentFailedError, SupervisionError) as failure:
             error = str(failure)
     if as_json:
@@ -60,6 +61,30 @@ def processes(
     sys.exit(1 if error else 0)
 
 
+def _health_address(text: str, sim_s: float) -> tuple[str, int]:
+    from snr_sim.links.security import is_loopback
+
+    address = address_of(text, "an address")
+    if sim_s:
+        raise ParameterError("--health-at is for processes; a simulation has none.", fix="leave out --sim or it.")
+    if not is_loopback(address[0]):
+        raise ParameterError(
+            f"--health-at {text}: health is answered on this computer only.", fix=f"--health-at 127.0.0.1:{address[1]}"
+        )
+    return address
+
+
+def _failures(folder: Path) -> str:
+    """Return what failed in a run that has ended, and was not started again, such as a cleanup."""
+    from snr_sim.supervision.health import read_health
+
+    try:
+        parts = read_health(folder).tree[1:]
+    except RecordingError:  # it could not be written, which the run has reported
+        return ""
+    return "\n".join(f"{part.name} failed: {part.why}" for part in parts if part.state == "failed")
+
+
 def runner_of(file: Path, names: list[str], seed: int) -> ProcessRunner:
     """Return a runner of the processes in a file, or of those that have files in a folder.
 
@@ -70,6 +95,8 @@ def runner_of(file: Path, names: list[str], seed: int) -> ProcessRunner:
     from snr_sim.processes.rover_process import RoverProcess
     from snr_sim.processes.runner import ProcessRunner
 
+    if file.is_dir() and not names:
+        raise ConfigError(f"{file} is a folder: which of its modules?", fix=f"snr processes {file} Drive Gps")
     if file.is_dir():
         return ProcessRunner(names, folder=file, seed=seed)
     if not file.is_file():
@@ -82,4 +109,7 @@ def runner_of(file: Path, names: list[str], seed: int) -> ProcessRunner:
         runners[0].seed = seed or runners[0].seed
         return runners[0]
     kinds = [one for one in found.values() if isinstance(one, type) and issubclass(one, RoverProcess)]
-    return ProcessRunner([one for one in kinds if one.__module__ == file.stem], seed=seed)
+    own = [one for one in kinds if one.__module__ == file.stem]
+    if not own:
+        raise ConfigError(f"{file} has no class of a RoverProcess.", fix="class Drive(RoverProcess): ...")
+    return ProcessRunner(own, seed=seed)

@@ -28,14 +28,14 @@ def load_file(path: Path) -> dict[str, object]:
     """Return the names in a Python file, which is imported by the name of the file.
 
     Raises:
-        ConfigError: importing it raises.
+        ConfigError: it is not a Python file, or importing it raises.
     """
     name, folder = path.stem, str(path.parent)
     if folder not in sys.path:
         sys.path.insert(0, folder)
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
+    if spec is None or spec.loader is None:
+        raise ConfigError(f"{short_path(str(path))} is not a Python file.", fix="a file whose name ends with .py.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # first, as a class looks up its module
     try:

@@ -69,6 +69,12 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     why: str
     budget_left: int
 
+    def __post_init__(self) -> None:
+        if self.supervisor_pid is not None and not 0 < self.supervisor_pid < 1 << 31:
+            raise ValueError(f"no process has the id {self.supervisor_pid}")
+        if not self.tree:
+            raise ValueError("its tree has no part")
+
 
 @dataclass
 class Usage:
@@ -164,10 +170,12 @@ def read_health(folder: Path) -> Health:
         RecordingError: there is no `health.json`, or it is not such a page.
     """
     path = folder / FILE_NAME
+    if folder.is_file():
+        raise RecordingError(f"{folder} is not a folder.", fix="name the run folder that it is in.")
     try:
         return _DECODER.decode(path.read_bytes())
     except FileNotFoundError:
-        raise RecordingError(f"There is no {path}.", fix="name the `folder` of a SupervisedRunner.") from None
+        raise RecordingError(f"There is no {path}.", fix="name a run folder of snr processes, or HOST:PORT.") from None
     except (OSError, msgspec.MsgspecError) as error:
         raise RecordingError(f"{path} cannot be read: {error}") from error
 
@@ -183,6 +191,8 @@ def health_table(health: Health) -> str:
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     if health.is_safe_stop:
         summary = f"safe stop: {one_line(health.why)}"
+    elif health.tree[0].state == "ended":
+        summary = "all have ended"
     else:
         state = "degraded" if health.is_degraded else "all that is to run is running"
         summary = f"{state}; failures until a safe stop: {health.budget_left + 1}"

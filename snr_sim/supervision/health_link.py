@@ -13,7 +13,7 @@ from snr_sim.links.link import Link
 from snr_sim.links.sockets import SocketsPair
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import LinkError, SnrError
-from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType, ensure_type_info
 from snr_sim.std_mods.timing import TimeoutLoopFactory
 from snr_sim.supervision.health import HEALTH, Health
 
@@ -37,7 +37,7 @@ class HealthReader(Endpoint):
         """Keep what the page says; it was written by any program."""
         assert task.page is not None
         try:
-            self.found = msgspec.convert(task.page.data, Health)
+            self.found = msgspec.convert(task.page.data, ensure_type_info(Health))
         except msgspec.ValidationError as error:
             self.found = LinkError(
                 f"The page that arrived does not say how processes are: {error}", fix="is that the right port?"
@@ -67,5 +67,5 @@ def ask_health(address: tuple[str, int], wait_s: float) -> Health:
         return reader.found
     raise reader.found or LinkError(
         f"No health has arrived from {link.address} within {wait_s:g} s: {connection.reason or 'it sent none.'}",
-        fix="check that the robot runs, and the port that it was started with: health_at=.",
+        fix="check that the robot runs, and the port that it was started with: --health-at.",
     )

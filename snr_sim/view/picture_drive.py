@@ -32,9 +32,14 @@ def draw_drive(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     statics = list(shapes.values())
     path = tracks.poses[main][:, :3]
     size_m = float(np.ptp(np.concatenate([points_of(shape) for shape in bodies[main]])[:, :2], axis=0).max())
-    room_m = np.array([size_m, 0.0, size_m])
+    away_m = {name: np.hypot(*(poses[:, :3] - path)[:, [0, 2]].T).max() for name, poses in tracks.poses.items()}
+    carried = [name for name in tracks.poses if away_m[name] < size_m]
     seen = np.concatenate(
-        [path - room_m, path + room_m, *(points_of(shape) for name, shape in shapes.items() if name != "ground")]
+        [
+            *_around(path, size_m),
+            *(end for name in carried for end in _around(tracks.poses[name][:, :3], _reach_m(bodies[name]))),
+            *(points_of(shape) for name, shape in shapes.items() if name != "ground"),
+        ]
     )
     projection = SheetProjection(seen[:, 0], seen[:, 2], size_m, False)
     projection.fit(seen[:, 0], seen[:, 2])
@@ -43,8 +48,6 @@ def draw_drive(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
     dim = [{**shape, "rgb": mixed(OUTSIDE, rgb_of(shape), DIMMED)} for shape in statics]
     parts = body_parts(world, [(shape, AT_ORIGIN) for shape in dim])
     parts += [part for shape in statics for part in _edges(world, shape, AT_ORIGIN)]
-    away_m = {name: np.hypot(*(poses[:, :3] - path)[:, [0, 2]].T).max() for name, poses in tracks.poses.items()}
-    carried = [name for name in tracks.poses if away_m[name] < size_m]
     others = [(shape, tracks.poses[name][-1]) for name in away_m if name not in carried for shape in bodies[name]]
     parts += body_parts(world, others)
     parts += [part for shape, pose in others for part in _edges(world, shape, pose)]
@@ -59,6 +62,18 @@ def draw_drive(sheet: Sheet, header: Header, tracks: BodyTracks) -> None:
         around = [(x + r, y, 0.0), (x - r, y, 1.0), (x, y - r, 0.5), (x, y + r, 0.5)]
         around += [(x + r, y + r, 0.0), (x - r, y - r, 1.0), (x + r, y - r, 0.0), (x - r, y + r, 1.0)]
         labels.write(sheet, f"{tracks.times_s[i]:.0f} s", 9.5, PALE, around)
+
+
+def _around(places: Floats, radius_m: float) -> tuple[Floats, Floats]:
+    """Return the corners of squares around places, seen from above."""
+    room_m = np.array([radius_m, 0.0, radius_m])
+    return places - room_m, places + room_m
+
+
+def _reach_m(shapes: list[dict[str, Any]]) -> float:
+    """Return how far shapes reach from the origin of their body, seen from above."""
+    points = np.concatenate([points_of(shape) for shape in shapes])
+    return float(np.hypot(points[:, 0], points[:, 1]).max())
 
 
 def _edges(position: SheetPosition, shape: dict[str, Any], pose: Any) -> list[Part]:

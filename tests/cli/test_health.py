@@ -72,3 +72,30 @@ def test_health_of_a_folder_without_the_file_is_status_2(snr: Snr, here: Path) -
     answer = snr("health", here)
     assert answer.status == 2
     assert "There is no" in answer.err
+    assert "name a run folder of snr processes, or HOST:PORT." in answer.err
+
+
+@pytest.mark.parametrize("changed", [{"supervisor_pid": 1 << 40}, {"supervisor_pid": 0}, {"tree": []}])
+def test_health_that_no_supervisor_wrote_is_status_2(
+    snr: Snr, here: Path, world: World, changed: dict[str, Any]
+) -> None:
+    page = msgspec.to_builtins(health_of(world.tree, {}, 0.0)) | changed
+    (here / "health.json").write_bytes(msgspec.json.encode(page))
+    answer = snr("health", here)
+    assert (answer.status, "health.json cannot be read: " in answer.err) == (2, True), answer.err
+
+
+def test_health_of_a_file_or_with_no_time_to_wait_is_status_2(snr: Snr, here: Path, world: World) -> None:
+    write_health(here, health_of(world.tree, {}, 0.0))
+    answer = snr("health", here / "health.json")
+    assert (answer.status, "health.json is not a folder." in answer.err) == (2, True), answer.err
+    answer = snr("health", "9131", "--wait", "-1")
+    assert (answer.status, "--wait is -1." in answer.err) == (2, True), answer.err
+
+
+def test_health_of_processes_that_have_ended_says_that_they_have(snr: Snr, here: Path, world: World) -> None:
+    health = health_of(world.tree, {}, 0.0)
+    tree = [msgspec.structs.replace(part, state="ended") for part in health.tree]
+    write_health(here, msgspec.structs.replace(health, tree=tree))
+    answer = snr("health", here)
+    assert (answer.status, answer.out.splitlines()[0]) == (1, "all have ended")

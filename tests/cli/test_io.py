@@ -1,5 +1,6 @@
 """`snr io`: its display of a robot's devices; only the confirmed output moves."""
 
+import io
 import json
 import os
 import pty
@@ -19,6 +20,7 @@ from snr_sim.cli.io import lines
 from snr_sim.devices.motors.ports_file import read_ports
 from snr_sim.devices.pwm.motor_test import WHOLE_S, motor_test_pulses_us, top_us
 from snr_sim.devices.pwm.pwm_backend import LoopbackPwm, PwmBackend
+from snr_sim.devices.wire.serial_port import PortInfo
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, SensorLostError, UnknownNameError
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -415,6 +417,19 @@ def test_pipe_output_is_lines(made: Path, here: Path) -> None:
     assert "pwm: inactive; pwm0:1500 pwm1:1500; not active" in done.stdout
     once = subprocess.run([*command[:-2], "--once", "--json"], capture_output=True, text=True, timeout=120)
     assert json.loads(once.stdout)["outputs"][0]["channels"] == 2
+
+
+def test_identify_without_ports_or_a_writable_file_is_status_2(
+    snr: Snr, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (here / "none.toml").write_text('links = "none"\n')
+    answer = snr("io", "rover_teleop", "--identify", "--io", "ports:none.toml")
+    assert (answer.status, "There is no serial port in none" in answer.err) == (2, True), answer.err
+    monkeypatch.setattr("snr_sim.cli.io_motors.list_links", lambda folder: [PortInfo("/dev/never_opened")])
+    monkeypatch.setattr(sys, "stdin", io.StringIO("wheels off the ground\n"))
+    answer = snr("io", "rover_teleop", "--identify", "--io", "ports:gone/ports.toml")
+    assert (answer.status, "gone/ports.toml cannot be written" in answer.err) == (2, True), answer.err
+    assert "/dev/never_opened" not in answer.out
 
 
 @pytest.mark.slow

@@ -64,11 +64,17 @@ def test_failure_is_status_1_and_names_the_line(snr: Any, rover: Path) -> None:
         (["rover.py", "Pinng"], "did you mean 'Ping'?"),
         (["rovre.py"], "There is no file rovre.py."),
         (["modules", "Drive"], "There is no module Drive in modules."),
-        (["modules"], "A ProcessRunner without processes."),
+        (["modules"], "modules is a folder: which of its modules?"),
+        (["notes.json"], "notes.json is not a Python file."),
+        (["empty.py"], "empty.py has no class of a RoverProcess."),
+        (["rover.py", "--health-at", "192.0.2.7:9131"], "health is answered on this computer only."),
+        (["rover.py", "--sim", "1", "--health-at", "9131"], "--health-at is for processes"),
         (["rover.py", "--sim", "nan"], "--sim is nan."),
     ],
 )
 def test_invalid_request_is_status_2_and_leaves_no_files(snr: Any, rover: Path, words: list[str], message: str) -> None:
+    (rover / "notes.json").write_text("{}")
+    (rover / "empty.py").write_text("from snr_sim.processes import RoverProcess\n")
     answer = snr("processes", *words)
     assert (answer.status, message in answer.err) == (2, True), answer.err
     assert not (rover / "runs").exists()
@@ -80,6 +86,18 @@ def test_processes_run_until_one_ends_all(snr: Any, rover: Path) -> None:
     assert (answer.status, answer.json["error"]) == (0, ""), answer.err
     logs = Path(answer.json["run_dir"]).glob("*/log.txt")
     assert {path.parent.name for path in logs} == {"Ping", "Pong"}
+
+
+@pytest.mark.slow
+def test_cleanup_that_raises_as_processes_end_is_status_1_and_named(snr: Any, here: Path) -> None:
+    (here / "rover.py").write_text(
+        "from snr_sim.processes import RoverProcess\n\nclass Arm(RoverProcess):\n"
+        "    def loop(self):\n        self.terminate_state()\n        return 1.0\n\n"
+        "    def cleanup(self):\n        raise ValueError('stuck')\n"
+    )
+    answer = snr("processes", "rover.py", "--json")
+    assert answer.status == 1
+    assert "Arm failed: rover.py, line 9: raise ValueError('stuck')" in answer.json["error"]
 
 
 def test_sleep_in_a_loop_is_named_by_a_checked_replay(snr: Any, rover: Path) -> None:

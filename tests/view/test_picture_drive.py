@@ -154,3 +154,18 @@ def test_wheel_is_drawn_each_time_with_its_vehicle(tmp_path: Path) -> None:
         columns = np.unique(found[:, 1])
         assert len(columns[np.r_[True, np.diff(columns) > 5]]) >= 4
     assert np.ptp(truck[:, 1]) == pytest.approx(np.ptp(wheel[:, 1]), rel=0.1)
+
+
+def test_what_moves_with_the_vehicle_and_reaches_far_is_within_the_picture(tmp_path: Path) -> None:
+    """The picture without walls is as wide as the vehicle, and an arm of 2 m, of which only the end is green."""
+    arm = [
+        {"kind": "box", "half_size_m": [1.0, 0.02, 0.02], "center_m": [1.0, 0.0, 0.0], "rgb": [90, 90, 90]},
+        {"kind": "box", "half_size_m": [0.1, 0.1, 0.1], "center_m": [2.0, 0.0, 0.0], "rgb": list(STONE)},
+    ]
+    still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+    records: list[Record] = [TruthRecord(k + 1, 0.25 * k, {"truck": still, "arm": still}, {}, {}) for k in range(9)]
+    ground = {"ground": SCENE["statics"]["floor"]}
+    image = drawn(tmp_path, records, statics=ground, bodies={"truck": SCENE["bodies"]["truck"], "arm": arm})
+    end, truck = places(image, STONE, 160), places(image, BODY, 120)
+    assert len(end) > 0
+    assert np.ptp(end, axis=0)[1] / np.ptp(truck, axis=0)[1] == pytest.approx(0.2 / 0.6, rel=0.1)

@@ -29,12 +29,12 @@ from snr_sim.devices.emulated.emulated_vesc import DrivenMotor, make_controller
 from snr_sim.devices.emulated.pty_end import PtyEnd, until_ended
 from snr_sim.devices.emulated.vesc_plant import TICK_S
 from snr_sim.devices.wire.process_port import MessageCodec
-from snr_sim.devices.wire.serial_port import list_links
 from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.ground_signals import NEUTRAL_BRAKE_A, DriveMode, MotorReading
 
 TARGET = "snr_sim.devices.emulated.rover_bench:run"
+_MAX_MOTORS = 100  # each has two descriptors, of the 1024 that select takes
 _SUPPLY_V, _TOP_RADPS, _RADPS2_PER_A, _SPEED_GAIN_A = 24.0, 20.0, 5.0, 6.0  # of motors without a load [O]
 
 
@@ -94,7 +94,7 @@ class RoverBench:
     def plug_in(self, motor: str, socket: str) -> None:
         """Put a controller's plug into the socket of another one at the start, or its own."""
         index = list(self._controllers).index(socket)
-        self._ends[motor] = PtyEnd(self._folder / f"1-1.{index + 1}")
+        self._ends[motor] = PtyEnd(_link(self._folder, index))
 
     def unplug(self, motor: str) -> None:
         """Pull a controller's plug."""
@@ -114,6 +114,10 @@ class RoverBench:
         """Remove all ports."""
         for motor in list(self._ends):
             self.unplug(motor)
+
+
+def _link(folder: Path, index: int) -> Path:
+    return folder / f"1-1.{index + 1}"
 
 
 class FreeMotor:
@@ -206,14 +210,24 @@ def main() -> None:
     parser.add_argument("--motors", default="LF LM LB RF RM RB", help="names of their wheels")
     parser.add_argument("--erpm-per-rpm", type=float, default=228.0, help="turns of the field in one of the wheel")
     options = parser.parse_args()
-    options.links.mkdir(parents=True, exist_ok=True)
     names = [f"motor_{name}" for name in options.motors.split()]
+    if not 0 < len(set(names)) == len(names) <= _MAX_MOTORS:
+        parser.error(f"--motors has {len(names)} names: 1 to {_MAX_MOTORS} different ones, such as --motors 'LF RF'.")
+    if not 0.0 < options.erpm_per_rpm < float("inf"):
+        parser.error(f"--erpm-per-rpm is {options.erpm_per_rpm:g}: a number above 0, such as 228.")
+    try:
+        options.links.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"--links {options.links} cannot be a folder: {error.strerror}.")
+    links = [_link(options.links, index) for index in range(len(names))]
+    if any(link.exists() for link in links):
+        parser.error(f"--links {options.links} has ports already, of another bench: take another folder, or empty it.")
     bench, is_running = (
         RoverBench(options.links, {name: FreeMotor() for name in names}, options.erpm_per_rpm),
         until_ended(),
     )
-    for port, name in zip(list_links(options.links), names, strict=True):
-        print_line(sys.stdout, f"{name} at {port.path}")
+    for link, name in zip(links, names, strict=True):
+        print_line(sys.stdout, f"{name} at {link}")
     try:
         while is_running():
             bench.step()

@@ -35,6 +35,7 @@ from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.ground_signals import DriveCommand
+from snr_sim.prelude.task import ensure_type_info
 
 TARGET = "snr_sim.devices.motors.motor_guard:run"
 PERIOD_S = 0.02
@@ -142,7 +143,7 @@ def _state_of(line: ControllerLine[Any], sensor: VescSensor) -> wire.SupervisedR
 
 def open_links(links: str, settings: dict[str, Any]) -> GuardedPorts:
     """Open the controllers on a CAN bus, or at the ports to which a folder has links, in the guard's process."""
-    known = msgspec.convert(settings, ControllerSettings)
+    known = msgspec.convert(settings, ensure_type_info(ControllerSettings))
     if links.startswith(PREFIX):
         return guard_lines(known, can_lines(known, links))
     watch = PortWatch(partial(list_links, Path(links)))

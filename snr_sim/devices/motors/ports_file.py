@@ -19,6 +19,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.task import ensure_type_info
 
 LINKS = "/dev/serial/by-path"
 
@@ -37,12 +38,17 @@ class PortsFile(msgspec.Struct, forbid_unknown_fields=True):
     timeout_s: dict[str, float] = {}
 
     def write(self, path: Path) -> None:
-        """Write the file."""
+        """Write the file; raise a ParameterError if that is not possible."""
         lines = [f"links = {_quoted(self.links)}", "", "[vesc]"]
         lines += [f"{_quoted(chip)} = {_quoted(motor)}" for chip, motor in self.vesc.items()]
         lines += ["", "[timeout_s]"]
         lines += [f"{_quoted(chip)} = {seconds:.3f}" for chip, seconds in self.timeout_s.items()]
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        try:
+            path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise ParameterError(
+                f"{path} cannot be written: {error.strerror}.", fix="--io ports:FILE in a folder of yours."
+            ) from error
 
 
 def read_ports(path: Path) -> PortsFile:
@@ -50,10 +56,10 @@ def read_ports(path: Path) -> PortsFile:
     if not path.exists():
         return PortsFile()
     try:
-        return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), PortsFile)
+        return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), ensure_type_info(PortsFile))
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise ParameterError(
-            f"{path} is not a file of ports: {error}.", fix="see devices/motors/ports_file.py."
+            f"{path} is not a file of ports: {error}.", fix="rename it: snr io --identify writes a new one."
         ) from error
 
 

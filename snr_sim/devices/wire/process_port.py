@@ -15,6 +15,7 @@ import msgspec
 
 from snr_sim.core.process.spawn import describe_exit, start_process
 from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.task import ensure_type_info
 from snr_sim.prelude.values import JSON_ERRORS
 
 MAX_BYTES = 8192  # far less than the pipe's buffer
@@ -33,7 +34,7 @@ class MessageCodec(Generic[MessageT]):
 
     def __init__(self, types: Any, peer: str) -> None:
         self._encoder, self._peer = msgspec.json.Encoder(), peer
-        self._decoder: msgspec.json.Decoder[MessageT] = msgspec.json.Decoder(types)
+        self._decoder: msgspec.json.Decoder[MessageT] = msgspec.json.Decoder(ensure_type_info(types))
 
     def encode(self, message: MessageT) -> bytes:
         """Return a message as bytes; raise a DeviceError if they are too many."""

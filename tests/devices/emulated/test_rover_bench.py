@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from snr_sim.devices.emulated.pty_plant import PtyPlant
-from snr_sim.devices.emulated.rover_bench import FreeMotor
+from snr_sim.devices.emulated.rover_bench import FreeMotor, main
 from snr_sim.devices.motors.motor_ports import MotorPorts
 from snr_sim.devices.motors.port_watch import PortWatch
 from snr_sim.devices.motors.vesc_line import VescLine
@@ -35,6 +35,29 @@ def test_free_motor_follows_each_mode(monkeypatch: pytest.MonkeyPatch) -> None:
             reading = motor.read()
         ends.append(reading.speed_radps)
     assert ends == pytest.approx([5.0, 0.0, 0.0, 0.0, -10.0], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--links", "file"], "--links file cannot be a folder"),
+        (["--links", "used"], "has ports already, of another bench"),
+        (["--links", "new", "--motors", "A A"], "--motors has 2 names"),
+        (["--links", "new", "--erpm-per-rpm", "nan"], "--erpm-per-rpm is nan"),
+    ],
+)
+def test_bench_that_cannot_serve_says_why_and_opens_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "used").mkdir()
+    for path in ("file", "used/1-1.2"):
+        (tmp_path / path).touch()
+    monkeypatch.setattr(sys, "argv", ["rover_bench", *words])
+    monkeypatch.setattr("snr_sim.devices.emulated.rover_bench.until_ended", lambda: lambda: False)
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.slow
