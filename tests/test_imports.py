@@ -53,6 +53,7 @@ HEAVY = {
     "rerun_cli",
     "serial",
     "smbus2",
+    "can",
     "PIL",
     "prompt_toolkit",
     "pyarrow",

@@ -7,12 +7,12 @@ import pytest
 ROOT = Path(__file__).parents[1]
 # Lines of Python: 2 % more than on 2026-11-27; the rover's packages as they are.
 MAX_LINES = {
-    "snr_sim": 89011,
+    "snr_sim": 89684,
     "snr_sim/behaviors": 8960,
-    "snr_sim/cli": 4474,
+    "snr_sim/cli": 4486,
     "snr_sim/console": 1920,
     "snr_sim/core": 8945,
-    "snr_sim/devices": 10929,
+    "snr_sim/devices": 11590,
     "snr_sim/grading": 7310,
     "snr_sim/learning": 4030,
     "snr_sim/links": 5420,
@@ -31,7 +31,7 @@ MAX_LINES = {
     "robots": 5857,
     "scenarios": 2687,
     "assignments": 9389,
-    "tests": 98538,
+    "tests": 99151,
     "snr_sim/grading/sandbox": 800,
 }
 

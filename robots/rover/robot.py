@@ -155,8 +155,8 @@ def vesc_motors(context: RobotContext) -> VescMotors:
 def motor_guard(context: RobotContext) -> GuardLine:
     """Return the guard of the motors' controllers, a process that owns their ports."""
     plant, settings = context.plant, controller_settings(context)
-    folder = plant.folder if isinstance(plant, PtyPlant) else Path(read_ports(Path(context.address)).links)
-    guard: GuardLine = context.get_or_create("motor_guard", lambda: GuardLine.of_links(context.now_s, settings, folder))
+    links = str(plant.folder) if isinstance(plant, PtyPlant) else read_ports(Path(context.address)).links
+    guard: GuardLine = context.get_or_create("motor_guard", lambda: GuardLine.of_links(context.now_s, settings, links))
     return guard
 
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from snr_sim.cli.output import print_text
 from snr_sim.devices.motors.bench_check import measure_timeout, turn
+from snr_sim.devices.motors.controller_line import ControllerLine
+from snr_sim.devices.motors.motor_guard import ControllerSettings, can_lines
 from snr_sim.devices.motors.ports_file import PortsFile, read_ports
 from snr_sim.devices.motors.vesc_line import VescLine
+from snr_sim.devices.wire.can_bus import PREFIX
 from snr_sim.devices.wire.serial_port import SerialPort, list_links
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.io import parse_io
@@ -36,7 +40,7 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
         raise ParameterError("--identify and --check-timeout need controllers at ports.", fix="--io ports:FILE")
     path = Path(chosen.address)
     ports, settings = read_ports(path), simulation.robot_file.controller_settings(simulation.context(None))
-    found = list_links(Path(ports.links))
+    found = lines_of(ports, settings)
     if not found:
         raise ParameterError(
             f"There is no serial port in {ports.links}, which {path} is about.",
@@ -45,9 +49,7 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
     _confirm(path)
     ports.write(path)  # before a motor turns, as its result must have a place
     is_ok = True
-    for port in found:
-        open_port = partial(SerialPort, port.path)
-        line = VescLine(port.path, open_port, time.monotonic, settings.erpm_per_rpm, settings.dialect)
+    for line in found:
         try:
             with _opened(line):
                 if identify:
@@ -55,17 +57,27 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
                 if check_timeout:
                     ports.timeout_s.pop(line.chip, None)
                     ports.timeout_s[line.chip] = took_s = measure_timeout(line)
-                    print_text(f"{port.path}: it stops {took_s:.2f} s after the last command.")
+                    print_text(f"{line.name}: it stops {took_s:.2f} s after the last command.")
         except DeviceError as error:
             is_ok = False
-            print_text(f"{port.path}: {error}")
+            print_text(f"{line.name}: {error}")
         finally:
             ports.write(path)  # what is known is kept if the next one is not waited for
     return 0 if is_ok else 1
 
 
+def lines_of(ports: PortsFile, settings: ControllerSettings) -> Sequence[ControllerLine[Any]]:
+    """Return the controllers of a file: at all ports to which a folder has links, or those it names on a CAN bus."""
+    if ports.links.startswith(PREFIX):
+        return can_lines(settings, ports.links)
+    return [
+        VescLine(port.path, partial(SerialPort, port.path), time.monotonic, settings.erpm_per_rpm, settings.dialect)
+        for port in list_links(Path(ports.links))
+    ]
+
+
 @contextmanager
-def _opened(line: VescLine) -> Iterator[None]:
+def _opened(line: ControllerLine[Any]) -> Iterator[None]:
     line.open(line)
     try:
         yield
@@ -85,7 +97,7 @@ def _confirm(path: Path) -> None:
         raise ParameterError(f"Nothing was moved: '{typed}' is not '{CONFIRMATION}'.", fix=f"type: {CONFIRMATION}")
 
 
-def _identify(line: VescLine, ports: PortsFile, names: list[str]) -> None:
+def _identify(line: ControllerLine[Any], ports: PortsFile, names: list[str]) -> None:
     turn(line)
     asked = f"{line.name} (chip {line.chip}): which turned? {', '.join(names)}; nothing if none: "
     print_text(asked, end="", flush=True)

@@ -106,18 +106,18 @@ class EmulatedVesc:
 
     def feed(self, data: bytes, now_s: float) -> bytes:
         """Receive bytes, which may be none; return the bytes that it sends by now."""
-        if self._fault("brown_out", now_s) is None:
-            slow = self._fault("slow", now_s)
+        if self.fault("brown_out", now_s) is None:
+            slow = self.fault("slow", now_s)
             for payload in self._frames.feed(data, now_s):
                 message = self._codec.decode(payload)
-                answer = self._follow(message, now_s)
+                answer = self.follow(message, now_s)
                 if answer is not None:
                     self._waiting.append((now_s + (slow.delay_s if slow else 0.0), encode(self._codec.encode(answer))))
         return self.tick(now_s)
 
     def tick(self, now_s: float) -> bytes:
         """Let time pass: brake after the timeout. Return the bytes that it sends by now."""
-        if self._fault("brown_out", now_s) is not None:
+        if self.fault("brown_out", now_s) is not None:
             self._frames, self._commanded_s, self._waiting = VescFrames(), -math.inf, []
         state = self._state(now_s)
         if state != self._applied:
@@ -125,24 +125,25 @@ class EmulatedVesc:
             self._motor.drive(*state)
         sent = b"".join(answer for due_s, answer in self._waiting if due_s <= now_s)
         self._waiting = [(due_s, answer) for due_s, answer in self._waiting if due_s > now_s]
-        if self._fault("mute", now_s) is not None:
+        if self.fault("mute", now_s) is not None:
             return b""
-        return bytes(~byte & 0xFF for byte in sent) if self._fault("garbage", now_s) is not None else sent
+        return bytes(~byte & 0xFF for byte in sent) if self.fault("garbage", now_s) is not None else sent
 
-    def _fault(self, kind: FaultKind, now_s: float) -> ScriptedFault | None:
+    def fault(self, kind: FaultKind, now_s: float) -> ScriptedFault | None:
+        """Return the fault of a kind that it has now; None if it has none."""
         if not self._faults:  # it is asked for five times in each step of a plant
             return None
         return next((one for one in self._faults if one.kind == kind and one.from_s <= now_s < one.until_s), None)
 
     def _state(self, now_s: float) -> tuple[DriveMode, float]:
         """Return what the motor does now."""
-        if self._fault("brown_out", now_s) is not None or self._fault("motor", now_s) is not None:
+        if self.fault("brown_out", now_s) is not None or self.fault("motor", now_s) is not None:
             return "off", 0.0
         return ("brake", NEUTRAL_BRAKE_A) if now_s - self._commanded_s > self._timeout_s else self._command
 
-    def _follow(self, message: vesc.VescMessage | None, now_s: float) -> vesc.VescMessage | None:
-        """Act on a message; return the answer."""
-        wrong = self._fault("wrong_name", now_s)
+    def follow(self, message: vesc.VescMessage | None, now_s: float) -> vesc.VescMessage | None:
+        """Act on a message, whichever wire brought it; return the answer. A motor does it after the next `tick`."""
+        wrong = self.fault("wrong_name", now_s)
         name = wrong.text if wrong else self._name
         mode = _MODES.get(type(message))
         if mode is not None and message is not None:
@@ -165,7 +166,7 @@ class EmulatedVesc:
         return None
 
     def _values(self, reading: MotorReading, now_s: float) -> vesc.MotorValues:
-        fault = self._fault("motor", now_s)
+        fault = self.fault("motor", now_s)
         return vesc.MotorValues(
             current_a=reading.current_a,
             battery_a=reading.battery_a,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
-from snr_sim.devices.motors.vesc_line import VescLine
+from snr_sim.devices.motors.controller_line import ControllerLine
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.prelude.errors import DeviceError
 
@@ -18,7 +19,7 @@ _GIVE_UP_S = 2.0
 _PERIOD_S = 0.01
 
 
-def turn(line: VescLine, sleep: Callable[[float], None] = time.sleep) -> float:
+def turn(line: ControllerLine[Any], sleep: Callable[[float], None] = time.sleep) -> float:
     """Turn a motor for a second; return the rate that it reached [rad/s]. The controller's timeout ends it."""
     for _ in range(round(TURN_S / _PERIOD_S)):
         line.send(vesc.SetDuty(DUTY))
@@ -27,7 +28,7 @@ def turn(line: VescLine, sleep: Callable[[float], None] = time.sleep) -> float:
     return _rate_radps(line)
 
 
-def measure_timeout(line: VescLine, sleep: Callable[[float], None] = time.sleep) -> float:
+def measure_timeout(line: ControllerLine[Any], sleep: Callable[[float], None] = time.sleep) -> float:
     """Turn a motor, send no more commands, and return how long it took until it became slower [s].
 
     Raises:
@@ -50,5 +51,5 @@ def measure_timeout(line: VescLine, sleep: Callable[[float], None] = time.sleep)
     return took_s
 
 
-def _rate_radps(line: VescLine) -> float:
+def _rate_radps(line: ControllerLine[Any]) -> float:
     return abs(line.values.speed_radps) if line.values is not None else 0.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -51,9 +50,9 @@ class GuardLine:
         self._users: set[int] = set()
 
     @classmethod
-    def of_links(cls, now_s: Callable[[], float], settings: ControllerSettings, folder: Path) -> GuardLine:
-        """Return the guard of controllers at the ports to which a folder has links."""
-        return cls(now_s, settings, f"{motor_guard.__name__}:open_links", [str(folder)])
+    def of_links(cls, now_s: Callable[[], float], settings: ControllerSettings, links: str) -> GuardLine:
+        """Return the guard of controllers behind `links`: see `PortsFile`."""
+        return cls(now_s, settings, f"{motor_guard.__name__}:open_links", [links])
 
     def open(self, user: object) -> None:
         """Start the guard if there is none, and open all controllers; raise a DeviceError if one is lost."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from snr_sim.devices.motors.can_line import CanLine, SharedCan
+from snr_sim.devices.motors.controller_line import ControllerLine
 from snr_sim.devices.motors.motor_backend import RELEASE_S, MotorBackend
 from snr_sim.devices.motors.motor_ports import MotorPorts
 from snr_sim.devices.motors.port_watch import PortWatch
@@ -27,9 +29,11 @@ from snr_sim.devices.motors.vesc_line import ANSWER_S, VescLine
 from snr_sim.devices.motors.vesc_motors import VescMotors, VescSensor
 from snr_sim.devices.output_supervisor import OutputSupervisor, serve
 from snr_sim.devices.wire import lease_messages as wire
+from snr_sim.devices.wire.can_bus import PREFIX, CanBus
 from snr_sim.devices.wire.serial_port import SerialPort, list_links
 from snr_sim.devices.wire.vesc_messages import Dialect
 from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.ground_signals import DriveCommand
 from snr_sim.prelude.task import ensure_type_info
 
@@ -42,7 +46,7 @@ class GuardedPorts(NamedTuple):
     """What a guard owns: motors, and the controllers by which they are read."""
 
     motors: MotorBackend
-    lines: Sequence[VescLine]
+    lines: Sequence[ControllerLine[Any]]
 
 
 class ControllerSettings(msgspec.Struct, frozen=True):
@@ -72,7 +76,7 @@ class MotorGuard(OutputSupervisor[MotorBackend]):
 
     def __init__(self, now_s: Callable[[], float]) -> None:
         super().__init__(now_s)
-        self._sensors: list[tuple[VescLine, VescSensor]] = []
+        self._sensors: list[tuple[ControllerLine[Any], VescSensor]] = []
         self._command = DriveCommand()
         self._readings: list[wire.SupervisedReading] = []
         self._next_s = self._read_s = -math.inf
@@ -125,7 +129,7 @@ class MotorGuard(OutputSupervisor[MotorBackend]):
         return self._readings
 
 
-def _state_of(line: VescLine, sensor: VescSensor) -> wire.SupervisedReading:
+def _state_of(line: ControllerLine[Any], sensor: VescSensor) -> wire.SupervisedReading:
     if sensor.state != "active":
         if not line.is_open:
             return wire.SupervisedReading(None, line.fault)
@@ -137,10 +141,12 @@ def _state_of(line: VescLine, sensor: VescSensor) -> wire.SupervisedReading:
     return wire.SupervisedReading(reading)
 
 
-def open_links(folder: str, settings: dict[str, Any]) -> GuardedPorts:
-    """Open the controllers of the ports to which a folder has links, by their names, in the guard's process."""
+def open_links(links: str, settings: dict[str, Any]) -> GuardedPorts:
+    """Open the controllers on a CAN bus, or at the ports to which a folder has links, in the guard's process."""
     known = msgspec.convert(settings, ensure_type_info(ControllerSettings))
-    watch = PortWatch(partial(list_links, Path(folder)))
+    if links.startswith(PREFIX):
+        return guard_lines(known, can_lines(known, links))
+    watch = PortWatch(partial(list_links, Path(links)))
     return open_ports(known, MotorPorts(watch, SerialPort, time.monotonic, known.chips))
 
 
@@ -151,8 +157,34 @@ def open_ports(
     lines = [
         VescLine(name, partial(ports.open_port, name), now_s, known.erpm_per_rpm, known.dialect) for name in known.names
     ]
-    motors = VescMotors(lines, known.limits, known.neutral_a, poll=ports.poll, timeouts_s=known.timeouts_s)
+    return guard_lines(known, lines, ports.poll)
+
+
+def guard_lines(
+    known: ControllerSettings, lines: Sequence[ControllerLine[Any]], poll: Callable[[], Mapping[str, str]] = dict
+) -> GuardedPorts:
+    """Return the motors of these controllers, and what reads them; see `VescMotors`."""
+    motors = VescMotors(lines, known.limits, known.neutral_a, poll=poll, timeouts_s=known.timeouts_s)
     return GuardedPorts(motors, lines)
+
+
+def can_lines(known: ControllerSettings, bus: str, now_s: Callable[[], float] = time.monotonic) -> list[CanLine]:
+    """Return the lines of all motors on a CAN bus, in their order, by the numbers that `known.chips` has.
+
+    Raises:
+        ParameterError: a motor has no number there, or two.
+    """
+    shared = SharedCan(partial(CanBus, bus))
+    lines = []
+    for name in known.names:
+        numbers = [chip for chip, motor in known.chips.items() if motor == name]
+        if len(numbers) != 1 or not numbers[0].isdecimal():
+            raise ParameterError(
+                f"[vesc] in the file of ports has {', '.join(numbers) or 'nothing'} for {name} on {bus}.",
+                fix=f'the number of its controller on the bus, as VESC Tool shows it: "7" = "{name}".',
+            )
+        lines.append(CanLine(name, shared, int(numbers[0]), now_s, known.erpm_per_rpm))
+    return lines
 
 
 def run(line: Connection) -> int:

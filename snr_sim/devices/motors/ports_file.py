@@ -1,8 +1,9 @@
 """A robot's file of motor controllers at real ports: which motor each drives, and what was measured of it.
 
-links = "/dev/serial/by-path"      # a folder with a link to each port, by its socket
+links = "/dev/serial/by-path"      # a folder with a link to each port, by its socket; or a CAN bus, can:socketcan:can0
 
 [vesc]                             # chip number of a controller --> motor; written by `snr io --identify`
+                                   # on a CAN bus, the controller's number there, "7"; written by you
 "3a00270000505345" = "motor_LF"
 
 [timeout_s]                        # how long it drives without a command; written by `snr io --check-timeout`
@@ -27,9 +28,9 @@ class PortsFile(msgspec.Struct, forbid_unknown_fields=True):
     """What the file holds.
 
     Args:
-        links: folder of links.
-        vesc: motors by chip number.
-        timeout_s: measured timeouts by chip number.
+        links: folder of links, or a CAN bus as text: see `can_bus.py`.
+        vesc: motors by chip number, or number on the CAN bus.
+        timeout_s: measured timeouts by the same.
     """
 
     links: str = LINKS

@@ -1,17 +1,13 @@
-"""One VESC motor controller as the computer sees it: the owner of its port, shared by those who drive and read it.
-
-VescMotors --.
-VescSensor --> VescLine --> port --> controller
+"""A VESC motor controller at a serial port.
 
 Commands are sent and not repeated, so a controller that receives nothing brakes by its own timeout.
 """
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
+from snr_sim.devices.motors.controller_line import ControllerLine
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.devices.wire.vesc_frames import VescFrames, encode
@@ -22,22 +18,15 @@ _TRIES = 4  # of the first request
 _READS = 64  # of pieces of its answer: a device that talks without end is another one
 
 
-class VescLine:
-    """Opens the port for the first device that needs it, and closes it after the last one. Thread-safe.
+class VescLine(ControllerLine[BytePort]):
+    """Its line. `chip` is the number of its processor, as hexadecimal text.
 
     Args:
         name: of the motor.
-        open_port: opens the port; raises a DeviceError where that is not possible. See `MotorPorts.open_port`.
+        open_port: see `MotorPorts.open_port`.
         now_s: the clock that stamps values.
         erpm_per_rpm: see `VescCodec`.
         dialect: see `vesc_messages.py`.
-
-    Attributes:
-        values: the newest.
-        measured_s: when they were asked for, by `now_s`: they are not older. None before the first.
-        junk_bytes: received since then that are not its answer.
-        fault: as text, why the port is not open.
-        chip: number of the controller's processor, as hexadecimal text; empty before it was open.
     """
 
     def __init__(
@@ -48,62 +37,21 @@ class VescLine:
         erpm_per_rpm: float,
         dialect: vesc.Dialect = "stock",
     ) -> None:
-        self.name: str = name
-        self.title: str = f"The controller of {name}"
-        self.values: vesc.MotorValues | None = None
-        self.measured_s: float | None = None
-        self.junk_bytes: int = 0
-        self.chip: str = ""
-        self.fault: str = f"{self.title} has not been opened."
-        self.now_s: Callable[[], float] = now_s
-        self._open_port = open_port
+        super().__init__(name, open_port, now_s)
         self._codec, self._frames = vesc.VescCodec(dialect, erpm_per_rpm), VescFrames()
-        self._port: BytePort | None = None
         self._asked_s: float | None = None  # None: nothing is waited for
-        self._users: set[int] = set()
-        self._lock = threading.RLock()
 
-    @property
-    def is_open(self) -> bool:
-        """Whether its port is open."""
-        return self._port is not None
-
-    def open(self, user: object) -> None:
-        """Open the port and ask for the firmware, if not done yet, for a device that needs it.
-
-        Raises:
-            DeviceError: the port cannot be opened, no controller answers, or its firmware is unknown.
-        """
-        with self._lock:
-            self._users.add(id(user))
-            if self._port is None:
-                self._port, self._frames, self._asked_s = self._open_port(), VescFrames(), None
-                with self._open_wire() as port:
-                    firmware = self._ask_firmware(port)
-                    self.chip = firmware.chip.hex()
-                    self._codec.set_firmware(firmware, self.title)
-
-    def release(self, user: object) -> None:
-        """Release the port for one device. Safe to call twice."""
-        with self._lock:
-            self._users.discard(id(user))
-            if not self._users:
-                self._close(f"{self.title} was closed.")
-
-    def drop(self, fault: str) -> None:
-        """Close the port, with the reason as text, until `open` is called again."""
-        with self._lock:
-            self._close(fault)
+    def on_open(self, port: BytePort) -> None:
+        """Ask for the firmware; raise a DeviceError if nothing answers, or it is unknown."""
+        self._frames, self._asked_s = VescFrames(), None
+        firmware = self._ask_firmware(port)
+        self.chip = firmware.chip.hex()
+        self._codec.set_firmware(firmware, self.title)
 
     def send(self, message: vesc.VescMessage) -> None:
         """Send a message; raise a DeviceError if the port is not open, or is gone, which closes it."""
         with self._open_wire() as port:
             port.write(encode(self._codec.encode(message)))
-
-    def wait(self, seconds: float) -> bool:
-        """Return whether bytes have arrived, as soon as they have; errors as in `send`."""
-        with self._open_wire() as port:
-            return port.wait(seconds)
 
     def update(self) -> None:
         """Take the answer that has arrived, and ask for the next values; errors as in `send`.
@@ -155,19 +103,3 @@ class VescLine:
             f"{self.title} at {port.name} was asked {_TRIES} times who it is, and sent {found}.",
             fix="check its power, its cable, and that its serial port is switched on, with 115200 baud.",
         )
-
-    def _close(self, fault: str) -> None:
-        port, self._port, self.fault = self._port, None, fault
-        if port is not None:
-            port.close()
-
-    @contextmanager
-    def _open_wire(self) -> Iterator[BytePort]:
-        with self._lock:
-            if self._port is None:
-                raise DeviceError(self.fault)
-            try:
-                yield self._port
-            except DeviceError as error:
-                self._close(error.message)
-                raise

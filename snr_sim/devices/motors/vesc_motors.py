@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
+from snr_sim.devices.motors.controller_line import ControllerLine
 from snr_sim.devices.motors.motor_backend import MotorBackend
-from snr_sim.devices.motors.vesc_line import ANSWER_S, VescLine
+from snr_sim.devices.motors.vesc_line import ANSWER_S
 from snr_sim.devices.wire import vesc_messages as vesc
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
@@ -46,7 +47,7 @@ class VescMotors(MotorBackend):
 
     def __init__(
         self,
-        lines: Sequence[VescLine],
+        lines: Sequence[ControllerLine[Any]],
         limits: Mapping[str, float],
         neutral_a: float,
         on_lost_wheel: Literal["neutral", "continue"] = "neutral",
@@ -147,7 +148,7 @@ class VescSensor(LifeCycleSensor):
     It is stale while the controller is silent, and while it has switched the motor off because of a fault.
     """
 
-    def __init__(self, line: VescLine) -> None:
+    def __init__(self, line: ControllerLine[Any]) -> None:
         self._line = line
         self.title: str = line.title
 

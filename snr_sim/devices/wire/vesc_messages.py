@@ -27,7 +27,7 @@ FAULTS = (
     "gate_driver_over_voltage", "gate_driver_under_voltage", "mcu_under_voltage", "watchdog_reset", "encoder",
 )  # fmt: skip
 _CHIP_BYTES = 12
-_STEPS_PER_TURN = 6  # of the commutation, which the controller counts, in a turn of the field
+STEPS_PER_TURN = 6  # of the commutation, which the controller counts, in a turn of the field
 _DEGREES_PER_RAD = 180.0 / math.pi
 
 
@@ -181,7 +181,7 @@ class VescCodec:
         turns_per_rad = erpm_per_rpm / (2.0 * math.pi)
         self._numbers = _NUMBERS | {SetSpeed: (">i", 60.0 * turns_per_rad)}
         # Of MotorValues, in the order of its fields and of the bytes.
-        self._scales = (100.0, 100.0, 1000.0, 60.0 * turns_per_rad, 10.0, _STEPS_PER_TURN * turns_per_rad)
+        self._scales = (100.0, 100.0, 1000.0, 60.0 * turns_per_rad, 10.0, STEPS_PER_TURN * turns_per_rad)
         self._layout = _OLD_VALUES if dialect == "seed" else None
 
     def set_firmware(self, firmware: Firmware, name: str) -> None:
@@ -246,7 +246,7 @@ class VescCodec:
         if not fields:
             return b""
         code, scale = self._numbers[type(message)]
-        return struct.pack(code, _cut(fields[0] * scale))
+        return struct.pack(code, cut(fields[0] * scale))
 
     def _unpack(self, kind: type[Any], body: bytes) -> VescMessage | None:
         if kind is MotorValues:
@@ -273,8 +273,8 @@ class VescCodec:
             raise CommandError("The layout of values depends on the firmware.", fix="call set_firmware() first.")
         temperatures, layout = self._layout
         *numbers, temperature_c, fault = msgspec.structs.astuple(values)
-        packed = [_cut(number * scale) for number, scale in zip(numbers, self._scales, strict=True)]
-        return layout.pack(*[_cut(temperature_c * 10.0)] * temperatures, *packed, FAULTS.index(fault))
+        packed = [cut(number * scale) for number, scale in zip(numbers, self._scales, strict=True)]
+        return layout.pack(*[cut(temperature_c * 10.0)] * temperatures, *packed, FAULTS.index(fault))
 
     def _unpack_values(self, body: bytes) -> MotorValues | None:
         if self._layout is None or len(body) < self._layout[1].size:
@@ -287,7 +287,8 @@ class VescCodec:
         return MotorValues(*fields)
 
 
-def _cut(scaled: float) -> int:
+def cut(scaled: float) -> int:
+    """Return a number in the units of the wire as a whole one, cut towards zero; raise an error if it is not finite."""
     # Rounding first: 0.57 * 1e5 is less than 57000 by an error in the last bit, and would lose one.
     return math.trunc(round(scaled, 6))
 
