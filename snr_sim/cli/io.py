@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from snr_sim.cli.arguments import Io
+from snr_sim.cli.confirmation import confirm_motion
 from snr_sim.cli.output import print_json, print_text
 from snr_sim.cli.plain_console import plain_console
 from snr_sim.devices.pwm.motor_test import WHOLE_S, top_us
@@ -69,7 +70,11 @@ def io(
     with bench_of(devices_of(scenario, io)) as bench:
         if move:
             move = bench.name_of(move)
-            _confirm(move, io)
+            confirm_motion(
+                f"'{move}' of {io} will be armed and moved to {top_us():g} us for {WHOLE_S:g} s. Take the propellers "
+                "off, hold the battery switch.\nAny key stops it.",
+                f"{move} props off",
+            )
         if once:
             bench.settle()
             _print_once(bench, io, scenario, as_json)
@@ -78,20 +83,6 @@ def io(
                 _watch(bench, keys, move, seconds)
         is_ok = all(one.is_ok for one in [*bench.sensors, *bench.outputs])
     sys.exit(0 if is_ok else 1)
-
-
-def _confirm(name: str, io: str) -> None:
-    """Ask for a text that a user does not type by accident; raise ParameterError if another was typed."""
-    expected = f"{name} props off"
-    print_text(
-        f"'{name}' of {io} will be armed and moved to {top_us():g} us for {WHOLE_S:g} s. Take the propellers off, hold "
-        f"the battery switch.\nAny key stops it. Type  {expected}  to continue: ",
-        end="",
-        flush=True,
-    )
-    typed = sys.stdin.readline().strip()
-    if typed != expected:
-        raise ParameterError(f"Nothing was moved: '{typed}' is not '{expected}'.", fix=f"type: {expected}")
 
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:

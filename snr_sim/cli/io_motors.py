@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from snr_sim.cli.confirmation import confirm_motion
 from snr_sim.cli.output import print_text
 from snr_sim.devices.motors.bench_check import measure_timeout, turn
 from snr_sim.devices.motors.controller_line import ControllerLine
@@ -46,7 +47,10 @@ def check_motors(scenario: str, io: str, identify: bool, check_timeout: bool) ->
             f"There is no serial port in {ports.links}, which {path} is about.",
             fix=f'plug the controllers in, or write into {path}: links = "FOLDER".',
         )
-    _confirm(path)
+    confirm_motion(
+        f"Each wheel turns for a second, one after the other; {path} gets the results. Put the rover on blocks.",
+        CONFIRMATION,
+    )
     ports.write(path)  # before a motor turns, as its result must have a place
     is_ok = True
     for line in found:
@@ -83,18 +87,6 @@ def _opened(line: ControllerLine[Any]) -> Iterator[None]:
         yield
     finally:
         line.release(line)
-
-
-def _confirm(path: Path) -> None:
-    print_text(
-        f"Each wheel turns for a second, one after the other; {path} gets the results. Put the rover on blocks.\n"
-        f"Type  {CONFIRMATION}  to continue: ",
-        end="",
-        flush=True,
-    )
-    typed = sys.stdin.readline().strip()
-    if typed != CONFIRMATION:
-        raise ParameterError(f"Nothing was moved: '{typed}' is not '{CONFIRMATION}'.", fix=f"type: {CONFIRMATION}")
 
 
 def _identify(line: ControllerLine[Any], ports: PortsFile, names: list[str]) -> None:
